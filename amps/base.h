@@ -1,0 +1,151 @@
+// base.h: the vocabulary of amps — vectors and index types, errors, assertions, a seeded random generator, progress and
+// cancellation, and a deterministic parallel loop. Everything else in the library includes this file and only files between
+// it and itself in the reading order of amps.h.
+#pragma once
+
+#include <Eigen/Core>
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+namespace amps {
+
+/// Index of a vertex, facet, sample or cell. 32 bits: every array of amps has fewer than 2^31 entries.
+using Index = std::int32_t;
+
+/// "No such element" wherever an Index is expected.
+inline constexpr Index kNone = -1;
+
+using Vec3 = Eigen::Vector3d;
+
+/// #P by 3 list of positions, one row a point. Row-major, so a contiguous xyzxyz… buffer can be mapped without a copy.
+using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
+
+/// #F by 3 list of vertex indices, one row a triangle, zero-based, counter-clockwise seen from outside.
+using Triangles = Eigen::Matrix<Index, Eigen::Dynamic, 3, Eigen::RowMajor>;
+
+/// Read-only views; an `Eigen::Map<const Points>` over a caller's buffer binds to them without a copy.
+using PointsView = Eigen::Ref<const Points>;
+using TrianglesView = Eigen::Ref<const Triangles>;
+
+/// A point on a mesh: `position = Σ barycentric[k] · corner k of facet`. Interpolate UVs, colours or weights with it.
+struct SurfacePoint {
+  Index facet = kNone;
+  Vec3 barycentric = Vec3::Zero();  ///< non-negative, sums to 1
+};
+
+/// What went wrong, for programs; `Error::what()` says what, where and what to do, for people.
+enum class ErrorCode {
+  kInvalidArgument,  ///< an option or argument out of its range
+  kInvalidMesh,      ///< a mesh that cannot be worked on: empty, not finite, indices out of range, no area
+  kFileNotFound,     ///< a file that cannot be opened or created
+  kFileFormat,       ///< a file that is not what its name or header says, or is cut short
+  kTooLarge,         ///< the result would not fit in memory or in 32-bit indices
+  kEnvironment,      ///< floating-point arithmetic is not what exactness needs (-ffast-math, other rounding mode)
+  kInternal,         ///< a broken invariant: a bug in amps, please report it
+};
+
+/// The one exception amps throws (besides std::bad_alloc). State passed by reference is unchanged when it is thrown, unless
+/// the function says otherwise.
+class Error : public std::runtime_error {
+ public:
+  Error(ErrorCode code, const std::string& message) : std::runtime_error(message), code_(code) {}
+  ErrorCode code() const noexcept { return code_; }
+
+ private:
+  ErrorCode code_;
+};
+
+/// Seeded generator, the same sequence on every platform: xoshiro256** (Blackman & Vigna 2018), seeded by splitmix64. The
+/// distributions of <random> differ between standard libraries, so amps has its own.
+class Rng {
+ public:
+  explicit Rng(std::uint64_t seed) noexcept;
+
+  std::uint64_t next() noexcept {
+    const std::uint64_t result = rotate(state_[1] * 5, 7) * 9;
+    const std::uint64_t t = state_[1] << 17;
+    state_[2] ^= state_[0];
+    state_[3] ^= state_[1];
+    state_[1] ^= state_[2];
+    state_[0] ^= state_[3];
+    state_[2] ^= t;
+    state_[3] = rotate(state_[3], 45);
+    return result;
+  }
+
+  /// Uniform in [0, 1), a multiple of 2^-53.
+  double uniform() noexcept { return static_cast<double>(next() >> 11) * 0x1p-53; }
+
+  /// Uniform in {0, …, n−1}; n ≥ 1. Unbiased (rejection).
+  std::uint64_t below(std::uint64_t n) noexcept;
+
+ private:
+  static std::uint64_t rotate(std::uint64_t x, int k) noexcept { return (x << k) | (x >> (64 - k)); }
+  std::uint64_t state_[4];
+};
+
+/// Barycentric coordinates of a uniformly distributed point of a triangle; two draws of `rng`.
+Vec3 uniform_barycentric(Rng& rng) noexcept;
+
+/// Progress and cancellation of a long call. Copies share one state, so keep one and pass another. Every member may be called
+/// from any thread at any time. Functions taking a Progress look at it at least every ~1,000 units of work (darts,
+/// insertions, facets) and return the best valid state they have when it is cancelled.
+class Progress {
+ public:
+  /// Called from the working thread whenever progress is reported; return false to cancel. `stage` is a static string,
+  /// `fraction` lies in [0, 1] and grows within a stage.
+  using Callback = std::function<bool(const char* stage, double fraction)>;
+
+  Progress();
+  explicit Progress(Callback callback);
+
+  void cancel() noexcept;
+  bool cancelled() const noexcept;
+  double fraction() const noexcept;
+  const char* stage() const noexcept;
+
+  /// For the working code: publish where we are. Returns false if the call should stop.
+  bool report(const char* stage, double fraction) const;
+
+ private:
+  struct State {
+    std::atomic<bool> cancelled{false};
+    std::atomic<double> fraction{0.0};
+    std::atomic<const char*> stage{""};
+    Callback callback;
+  };
+  std::shared_ptr<State> state_;
+};
+
+/// How a call that can be stopped ended.
+enum class Status {
+  kDone,       ///< everything asked for was reached
+  kCancelled,  ///< stopped through Progress; the result is valid but not finished
+};
+
+/// Runs body(begin, end) over consecutive pieces of [0, n) of `grain` elements each, on up to `threads` threads (0: one per
+/// hardware core). Pieces depend only on n and grain, never on the number of threads, so a body that writes per piece gives
+/// the same result for any number. The first exception of a piece (lowest begin) is rethrown after all threads have ended.
+void parallel_for(std::size_t n, std::size_t grain, unsigned threads,
+                  const std::function<void(std::size_t begin, std::size_t end)>& body);
+
+namespace detail {
+
+[[noreturn]] void assertion_failed(const char* condition, const char* file, int line);
+
+}  // namespace detail
+}  // namespace amps
+
+/// Invariants of amps itself, never of its input. Checked in debug builds; throws Error(kInternal).
+#ifdef NDEBUG
+#define AMPS_ASSERT(condition) static_cast<void>(0)
+#else
+#define AMPS_ASSERT(condition) \
+  ((condition) ? static_cast<void>(0) : ::amps::detail::assertion_failed(#condition, __FILE__, __LINE__))
+#endif

@@ -1,0 +1,93 @@
+// mesh.h: the triangle mesh amps works on, what can be measured on it, and a report of what is wrong with an input.
+#pragma once
+
+#include "amps/base.h"
+
+#include <iosfwd>
+#include <vector>
+
+namespace amps {
+
+/// An indexed triangle mesh that owns its buffers. Soups, open, non-manifold and inconsistently oriented meshes are all fine.
+struct Mesh {
+  Points vertices;      ///< #V by 3
+  Triangles triangles;  ///< #F by 3
+};
+
+/// What functions take: a view of somebody's buffers, made from a Mesh or from two Eigen maps. Valid while the buffers are.
+struct MeshView {
+  PointsView vertices;
+  TrianglesView triangles;
+
+  MeshView(const Mesh& mesh) : vertices(mesh.vertices), triangles(mesh.triangles) {}  // NOLINT: implicit by design
+  MeshView(const PointsView& v, const TrianglesView& t) : vertices(v), triangles(t) {}
+
+  Index num_vertices() const { return static_cast<Index>(vertices.rows()); }
+  Index num_facets() const { return static_cast<Index>(triangles.rows()); }
+  Vec3 corner(Index facet, int k) const { return vertices.row(triangles(facet, k)).transpose(); }
+};
+
+/// Throws Error(kInvalidMesh) naming the first offending vertex or facet, and what to do, if the mesh has no facet, a
+/// coordinate that is NaN or infinite, an index out of range, or no area. Everything else works. O(#V + #F).
+void require_usable(const MeshView& mesh);
+
+/// Area of each facet, absolute units; 0 for degenerate ones.
+std::vector<double> facet_areas(const MeshView& mesh);
+double total_area(const MeshView& mesh);
+
+/// #F by 3 unit normals by the right-hand rule; zero rows for degenerate facets.
+Points facet_normals(const MeshView& mesh);
+
+/// Smallest box around the vertices that facets use.
+struct Box {
+  Vec3 min = Vec3::Zero();
+  Vec3 max = Vec3::Zero();
+  double diagonal() const { return (max - min).norm(); }
+};
+Box bounding_box(const MeshView& mesh);
+
+/// Vertices used by no facet dropped, the rest renumbered in order.
+Mesh remove_isolated_vertices(const MeshView& mesh);
+
+/// Vertices with equal coordinates merged (−0 equals 0), first of each kept, in order; facets keep their number and order.
+Mesh merge_equal_vertices(const MeshView& mesh);
+
+/// The combinatorial shape of a mesh, facets with repeated indices left out and isolated vertices not counted.
+struct TopologyReport {
+  Index vertices = 0;               ///< used by at least one facet
+  Index edges = 0;                  ///< undirected, distinct
+  Index facets = 0;                 ///< without those of repeated indices
+  Index components = 0;             ///< connected through shared vertices
+  Index euler_characteristic = 0;   ///< vertices − edges + facets
+  Index boundary_edges = 0;         ///< edges of exactly one facet
+  Index boundary_loops = 0;         ///< closed curves the boundary edges form (components of the boundary graph)
+  Index non_manifold_edges = 0;     ///< edges of three or more facets
+  Index non_manifold_vertices = 0;  ///< vertices, on no non-manifold edge, whose facets do not form one fan
+  Index inconsistent_edges = 0;     ///< edges two facets traverse in the same direction
+  bool closed() const { return boundary_edges == 0 && non_manifold_edges == 0; }
+  bool manifold() const { return non_manifold_edges == 0 && non_manifold_vertices == 0; }
+  /// Sum over components, meaningful for orientable manifolds: (2·components − boundary_loops − euler_characteristic) / 2.
+  Index genus() const { return (2 * components - boundary_loops - euler_characteristic) / 2; }
+};
+TopologyReport topology(const MeshView& mesh);
+std::ostream& operator<<(std::ostream& out, const TopologyReport& report);
+
+/// Everything a user should know about an input before sampling it.
+struct MeshReport {
+  Index vertices = 0;
+  Index facets = 0;
+  Index non_finite_vertices = 0;
+  Index out_of_range_facets = 0;     ///< a corner index < 0 or ≥ #V
+  Index repeated_index_facets = 0;   ///< two corners share an index
+  Index zero_area_facets = 0;        ///< distinct indices, exactly collinear corners (decided exactly)
+  Index duplicate_vertices = 0;      ///< equal coordinates to an earlier vertex
+  Index isolated_vertices = 0;
+  double area = 0;
+  Box box;
+  TopologyReport topology;           ///< of the facets whose indices are in range
+  bool usable() const { return facets > 0 && non_finite_vertices == 0 && out_of_range_facets == 0 && area > 0; }
+};
+MeshReport check(const MeshView& mesh);
+std::ostream& operator<<(std::ostream& out, const MeshReport& report);
+
+}  // namespace amps

@@ -1,0 +1,45 @@
+// remesh.h: from a maximal Poisson-disk set to a triangle mesh — the restricted regular triangulation (RRT), dual of the
+// restricted power diagram — and the one-call pipeline.
+//
+// With a uniform radius r and a maximal set, every RRT triangle has its dual point on the surface within r of its three
+// corners, which are at least r apart: all angles lie in [30°, 120°] and all edges in [r, 2r], on any surface.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/mesh.h"
+#include "amps/quality.h"
+#include "amps/sampling.h"
+
+#include <iosfwd>
+
+namespace amps {
+
+struct RemeshOptions {
+  SamplingOptions sampling;
+};
+
+struct RemeshReport {
+  SamplingReport sampling;
+  TopologyReport input;             ///< topology of the input mesh, vertices of equal position taken as one
+  TopologyReport output;            ///< topology of the result
+  QualityReport quality;            ///< of the result
+  MaximalityReport maximality;      ///< certificate of the samples
+  double seconds_remesh = 0;        ///< extraction and orientation of the triangles
+};
+
+struct RemeshResult {
+  Mesh mesh;          ///< vertices are the samples, in order: row i of mesh.vertices is row i of samples.positions
+  SampleSet samples;  ///< facet and barycentric coordinates per output vertex
+  RemeshReport report;
+  Status status = Status::kDone;
+};
+
+/// Samples the mesh and returns the dual triangulation. Errors, cost and thread-safety as sample().
+RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
+
+/// The RRT of a given set: one triangle (i, j, k) for each dual vertex of the restricted power diagram, each triple once.
+/// Oriented as the surface under it, then made consistent across manifold edges by majority per component, so inputs with
+/// flipped facets come out right wherever the output is orientable.
+Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
+
+}  // namespace amps

@@ -1,0 +1,95 @@
+// sampling.h: maximal Poisson-disk sets on a surface — dart throwing, gap filling, and the certificate that a set is maximal.
+//
+// Yan & Wonka, "Adaptive maximal Poisson-disk sampling on surfaces", SIGGRAPH Asia 2012 Technical Briefs; "Gap processing for
+// adaptive maximal Poisson-disk sampling", ACM TOG 32(5), 2013. A set of disks (p_i, r_i), p_i on the surface, is
+//   * Poisson-disk:  |p_i − p_j| ≥ max(r_i, r_j) for i ≠ j (Euclidean distance in space),
+//   * maximal:       every point of the surface lies in some ball (p_i, r_i).
+#pragma once
+
+#include "amps/base.h"
+#include "amps/mesh.h"
+
+#include <iosfwd>
+#include <vector>
+
+namespace amps {
+
+/// Disks on a surface. `facets` and `barycentrics` say where on the input mesh each sample lies, so that anything stored per
+/// vertex or facet (UVs, colours, weights) can be interpolated; both are empty in a set that came without them (from a file).
+struct SampleSet {
+  Points positions;            ///< #S by 3
+  Eigen::VectorXd radii;       ///< #S, > 0
+  std::vector<Index> facets;   ///< #S or empty
+  Points barycentrics;         ///< #S by 3 or empty; rows are non-negative and sum to 1 (to rounding)
+  Index size() const { return static_cast<Index>(positions.rows()); }
+};
+
+struct SamplingOptions {
+  /// Disk radius, absolute units. Exactly one of `radius` and `target_count` is set (> 0).
+  double radius = 0;
+  /// Wanted number of samples; the radius follows from n·r²/area ≈ 0.70 and is corrected until the count is within 2 %.
+  Index target_count = 0;
+  /// Same seed, mesh and options: the same bits, on any platform and any number of threads.
+  std::uint64_t seed = 1;
+  /// Dart throwing ends after this many consecutive rejections (k of the paper); what is left is the gap filler's.
+  int max_rejections = 300;
+  /// Threads used where work splits by facet; 0: one per core. The result does not depend on it.
+  unsigned threads = 1;
+  Progress progress;
+};
+
+struct SamplingReport {
+  double radius = 0;              ///< the one used (differs from the option with target_count)
+  std::uint64_t darts = 0;        ///< thrown in the first stage
+  Index dart_samples = 0;         ///< samples after dart throwing
+  Index gap_samples = 0;          ///< samples added by gap filling
+  int attempts = 1;               ///< sampling runs made to reach target_count
+  double seconds_darts = 0;       ///< wall clock, all attempts
+  double seconds_triangulation = 0;
+  double seconds_diagram = 0;
+  double seconds_gaps = 0;
+};
+
+struct SamplingResult {
+  SampleSet samples;
+  SamplingReport report;
+  Status status = Status::kDone;
+};
+
+/// A maximal Poisson-disk set of uniform radius: dart throwing, then gap filling until no gap is left.
+/// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument, kTooLarge (a radius that would need more samples than
+/// memory holds, estimated before any work). Cancelled: the samples so far (Poisson-disk, not maximal).
+/// Expected O(n log n + #F). Thread-safe.
+SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
+
+/// The first stage alone: area-weighted random darts, accepted when at distance ≥ radius from all before, until
+/// max_rejections in a row fail. Poisson-disk, not maximal.
+SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options);
+
+/// The second stage alone, for a set made elsewhere: adds samples of the option's radius (default, 0: the smallest in
+/// `existing`) where the surface is uncovered until nothing is. Existing samples stay first, unchanged and in order.
+SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options);
+
+/// Certificate of a sample set, computed from a fresh restricted power diagram.
+struct MaximalityReport {
+  double worst_coverage = 0;     ///< max over the surface of (distance to the owner)/r; maximal ⇔ ≤ 1 (+1e-9 rounding)
+  double worst_separation = 0;   ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample
+  Index gaps = 0;                ///< fragments (restricted cell ∩ facet) that are not covered
+  double gap_area = 0;           ///< exact uncovered area, absolute
+  bool maximal(double tolerance = 1e-9) const { return worst_coverage <= 1 + tolerance; }
+  bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
+};
+MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
+std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
+
+/// The uncovered part of the surface as triangles: the gap primitives. Each triangle contains a piece of a gap (and may
+/// overlap a disk by its circular segment); their union covers all gaps.
+struct GapSet {
+  Mesh primitives;             ///< #T triangles, vertices not shared between gaps
+  std::vector<Index> facets;   ///< #T, the input facet a primitive lies in
+  Index gaps = 0;              ///< uncovered fragments
+  double area = 0;             ///< exact uncovered area (less than that of the primitives)
+};
+GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
+
+}  // namespace amps
