@@ -1,0 +1,425 @@
+#include "amps/predicates.h"
+
+#include <utility>
+
+namespace amps {
+namespace detail {
+
+void require_exact_arithmetic() {
+  // volatile: the compiler must not evaluate these with its own arithmetic.
+  volatile double one = 1.0, half_ulp = 0x1p-53, more = 0x1.8p-53;
+  volatile double down = one + half_ulp;  // tie: to even, that is to 1
+  volatile double up = one + more;        // above the tie: away
+  volatile double minus = -one - more;
+  if (down != 1.0 || up != 1.0 + 0x1p-52 || minus != -(1.0 + 0x1p-52)) {
+    throw Error(ErrorCode::kEnvironment,
+                "amps: floating-point arithmetic of this thread does not round to nearest in double precision; restore it with "
+                "fesetround(FE_TONEAREST), and compile for SSE2 or another unit without extended precision");
+  }
+}
+
+StaticBounds StaticBounds::for_box(const Vec3& extent, double weight_range) noexcept {
+  StaticBounds bounds;
+  // A flat box has no static bound of use; a huge or tiny one leaves it to the later stages.
+  const double least = extent.minCoeff(), most = extent.maxCoeff();
+  const double height = extent.squaredNorm() + weight_range;
+  if (!(most < kFilterMax && least > kFilterMin && height < kFilterMax)) return bounds;
+  // The box's own extents carry a rounding; the slack of the constants covers it.
+  const double volume = extent.x() * extent.y() * extent.z();
+  bounds.orientation = kOrientationBound * volume;
+  bounds.power = kPowerBound * height * volume;
+  return bounds;
+}
+
+namespace {
+
+/// Runs `body` with the narrowest width that holds the scaled input: body(std::integral_constant<int, limbs>) → sign.
+template <class Body>
+auto with_exact_width(const ExactScale& scale, Stage& stage, Body&& body) {
+  if (scale.bits() <= usable_bits(kNarrowLimbs)) {
+    stage = Stage::kExactNarrow;
+    return body(std::integral_constant<int, kNarrowLimbs>{});
+  }
+  if (scale.bits() <= usable_bits(kMiddleLimbs)) {
+    stage = Stage::kExactMiddle;
+    return body(std::integral_constant<int, kMiddleLimbs>{});
+  }
+  stage = Stage::kExactWide;
+  return body(std::integral_constant<int, kWideLimbs>{});
+}
+
+void include_site(ExactScale& scale, const WeightedPoint& p) noexcept {
+  scale.coordinate(p.x);
+  scale.coordinate(p.y);
+  scale.coordinate(p.z);
+  scale.weight(p.w);
+}
+
+void include_position(ExactScale& scale, const double* p) noexcept {
+  for (int k = 0; k < 3; ++k) scale.coordinate(p[k]);
+}
+
+/// a − b, exactly.
+template <int N>
+void exact_difference(const WeightedPoint& a, const WeightedPoint& b, int unit, Int<N> (&out)[3]) noexcept {
+  out[0] = to_int<N>(a.x, unit) - to_int<N>(b.x, unit);
+  out[1] = to_int<N>(a.y, unit) - to_int<N>(b.y, unit);
+  out[2] = to_int<N>(a.z, unit) - to_int<N>(b.z, unit);
+}
+
+/// Sites in decreasing order of their ε; returns their positions in the argument list.
+template <std::size_t K>
+std::array<int, K> by_dominance(const std::array<const WeightedPoint*, K>& sites) noexcept {
+  std::array<int, K> order{};
+  for (std::size_t n = 0; n < K; ++n) {  // insertion sort: K ≤ 5
+    std::size_t at = n;
+    for (; at > 0 && lexicographically_less(*sites[static_cast<std::size_t>(order[at - 1])], *sites[n]); --at) {
+      order[at] = order[at - 1];
+    }
+    order[at] = static_cast<int>(n);
+  }
+  return order;
+}
+
+}  // namespace
+
+int orient3d_exact(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint& c, const WeightedPoint& d,
+                   Stage& stage) noexcept {
+  ExactScale scale;
+  for (const WeightedPoint* p : {&a, &b, &c, &d}) {
+    scale.coordinate(p->x);
+    scale.coordinate(p->y);
+    scale.coordinate(p->z);
+  }
+  return with_exact_width(scale, stage, [&](auto width) {
+    constexpr int N = decltype(width)::value;
+    Int<N> m[3][3];
+    exact_difference<N>(b, a, scale.unit(), m[0]);
+    exact_difference<N>(c, a, scale.unit(), m[1]);
+    exact_difference<N>(d, a, scale.unit(), m[2]);
+    return determinant3(m[0], m[1], m[2]).sign();
+  });
+}
+
+int power_test_exact(const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage) noexcept {
+  ExactScale scale;
+  for (int k = 0; k < 4; ++k) include_site(scale, *p[k]);
+  include_site(scale, q);
+  return with_exact_width(scale, stage, [&](auto width) {
+    constexpr int N = decltype(width)::value;
+    Int<N> d[4][3];
+    Int<2 * N> h[4];
+    const Int<2 * N> wq = to_int<2 * N>(q.w, 2 * scale.unit());
+    for (int k = 0; k < 4; ++k) {
+      exact_difference<N>(*p[k], q, scale.unit(), d[k]);
+      h[k] = d[k][0] * d[k][0] + d[k][1] * d[k][1] + d[k][2] * d[k][2] + (wq - to_int<2 * N>(p[k]->w, 2 * scale.unit()));
+    }
+    return power_determinant(h, d).sign();
+  });
+}
+
+int power_test_symbolic(const WeightedPoint* const p[4], const WeightedPoint& q) noexcept {
+  // The determinant gains Σ ε_k·C_k − ε_q·ΣC_k, where C_k is the orientation of the cell with p_k replaced by q, and ΣC_k that of
+  // the cell itself, positive: the first non-zero coefficient in order of dominance decides, at q at the latest.
+  const auto order = by_dominance<5>({p[0], p[1], p[2], p[3], &q});
+  for (const int k : order) {
+    if (k == 4) return -1;
+    const WeightedPoint* cell[4] = {p[0], p[1], p[2], p[3]};
+    cell[k] = &q;
+    const int sign = orient3d(*cell[0], *cell[1], *cell[2], *cell[3]);
+    if (sign != 0) return sign;
+  }
+  return -1;
+}
+
+}  // namespace detail
+
+using detail::Approx;
+using detail::ExactScale;
+using detail::Int;
+
+int side_of_ball(const double* x, const double* p, double w) noexcept {
+  const Approx dx = Approx(x[0]) - Approx(p[0]), dy = Approx(x[1]) - Approx(p[1]), dz = Approx(x[2]) - Approx(p[2]);
+  if (const int sign = (dx * dx + dy * dy + dz * dz - Approx(w)).certain_sign()) return sign;
+  ExactScale scale;
+  detail::include_position(scale, x);
+  detail::include_position(scale, p);
+  scale.weight(w);
+  Stage stage;
+  return detail::with_exact_width(scale, stage, [&](auto width) {
+    constexpr int N = decltype(width)::value;
+    const int unit = scale.unit();
+    const auto square = [&](int k) {
+      const auto d = detail::to_int<N>(x[k], unit) - detail::to_int<N>(p[k], unit);
+      return d * d;
+    };
+    return (square(0) + square(1) + square(2) - detail::to_int<2 * N>(w, 2 * unit)).sign();
+  });
+}
+
+bool collinear(const double* a, const double* b, const double* c) noexcept {
+  Approx u[3], v[3];
+  for (int k = 0; k < 3; ++k) {
+    u[k] = Approx(b[k]) - Approx(a[k]);
+    v[k] = Approx(c[k]) - Approx(a[k]);
+  }
+  for (int k = 0; k < 3; ++k) {
+    const int m = (k + 1) % 3, n = (k + 2) % 3;
+    if ((u[m] * v[n] - u[n] * v[m]).certain_sign() != 0) return false;
+  }
+  ExactScale scale;
+  for (const double* p : {a, b, c}) detail::include_position(scale, p);
+  Stage stage;
+  return detail::with_exact_width(scale, stage, [&](auto width) {
+    constexpr int N = decltype(width)::value;
+    const int unit = scale.unit();
+    const auto minor_sign = [&](int m, int n) {
+      const auto difference = [&](const double* p, int k) { return detail::to_int<N>(p[k], unit) - detail::to_int<N>(a[k], unit); };
+      return (difference(b, m) * difference(c, n) - difference(b, n) * difference(c, m)).sign();
+    };
+    return minor_sign(0, 1) == 0 && minor_sign(1, 2) == 0 && minor_sign(2, 0) == 0;
+  });
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
+
+Bisector::Bisector(const WeightedPoint& i, const WeightedPoint& j, const double* const corners[3]) noexcept
+    : owner(&i), other(&j) {
+  const Approx pi[3] = {i.x, i.y, i.z}, pj[3] = {j.x, j.y, j.z};
+  for (std::size_t c = 0; c < 3; ++c) {
+    const Approx x[3] = {corners[c][0], corners[c][1], corners[c][2]};
+    at_corner[c] = detail::bisector_value(pi, Approx(i.w), pj, Approx(j.w), x);
+  }
+}
+
+namespace detail {
+namespace {
+
+/// The exact values of a bisector at the corners of a facet.
+template <int N>
+struct ExactBisector {
+  Int<2 * N> at_corner[3];
+  ExactBisector(const WeightedPoint& i, const WeightedPoint& j, const double* const corners[3], int unit) noexcept {
+    const auto position = [unit](const double* p, Int<N>(&out)[3]) {
+      for (int k = 0; k < 3; ++k) out[k] = to_int<N>(p[k], unit);
+    };
+    Int<N> pi[3], pj[3], x[3];
+    const double at_i[3] = {i.x, i.y, i.z}, at_j[3] = {j.x, j.y, j.z};
+    position(at_i, pi);
+    position(at_j, pj);
+    const auto wi = to_int<2 * N>(i.w, 2 * unit), wj = to_int<2 * N>(j.w, 2 * unit);
+    for (int c = 0; c < 3; ++c) {
+      position(corners[c], x);
+      at_corner[c] = bisector_value(pi, wi, pj, wj, x);
+    }
+  }
+};
+
+ExactScale facet_scale(const double* const corners[3], std::initializer_list<const WeightedPoint*> sites) noexcept {
+  ExactScale scale;
+  for (int c = 0; c < 3; ++c) include_position(scale, corners[c]);
+  for (const WeightedPoint* site : sites) include_site(scale, *site);
+  return scale;
+}
+
+/// The formulas of the three kinds of vertices over any number type.
+template <class T>
+auto edge_numerator(const T& ju, const T& jv, const T& ku, const T& kv) noexcept {
+  return ju * kv - ku * jv;
+}
+template <class T>
+struct CrossProduct {
+  using Product = decltype(std::declval<T>() * std::declval<T>());
+  Product at[3];
+  CrossProduct(const T* a, const T* b) noexcept {
+    at[0] = a[1] * b[2] - a[2] * b[1];
+    at[1] = a[2] * b[0] - a[0] * b[2];
+    at[2] = a[0] * b[1] - a[1] * b[0];
+  }
+  auto sum() const noexcept { return at[0] + at[1] + at[2]; }
+  auto dot(const T* d) const noexcept { return d[0] * at[0] + d[1] * at[1] + d[2] * at[2]; }
+};
+
+/// The first non-zero coefficient in decreasing order of dominance.
+template <std::size_t K>
+int decide_by_dominance(const std::array<const WeightedPoint*, K>& sites, const std::array<int, K>& coefficient_sign) noexcept {
+  for (const int k : by_dominance<K>(sites)) {
+    if (const int sign = coefficient_sign[static_cast<std::size_t>(k)]) return sign;
+  }
+  return 1;
+}
+
+void count_stage(OptionalTally tally, Stage stage) noexcept {
+  if (tally != nullptr) tally->count(stage);
+}
+
+}  // namespace
+}  // namespace detail
+
+int side_of_corner(const double* const corners[3], int v, const Bisector& k, OptionalTally tally) noexcept {
+  if (const int sign = k.at_corner[static_cast<std::size_t>(v)].certain_sign()) {
+    detail::count_stage(tally, Stage::kFilter);
+    return sign;
+  }
+  const double* const x = corners[v];
+  const double* const only[3] = {x, x, x};
+  const ExactScale scale = detail::facet_scale(only, {k.owner, k.other});
+  Stage stage;
+  int sign = detail::with_exact_width(scale, stage, [&](auto width) {
+    const detail::ExactBisector<decltype(width)::value> value(*k.owner, *k.other, only, scale.unit());
+    return value.at_corner[0].sign();
+  });
+  if (sign == 0) {
+    // D_k gains ε_k − ε_i.
+    stage = Stage::kSymbolic;
+    sign = detail::decide_by_dominance<2>({k.other, k.owner}, {1, -1});
+  }
+  detail::count_stage(tally, stage);
+  return sign;
+}
+
+int side_of_edge_crossing(const double* const corners[3], int u, int v, const Bisector& j, const Bisector& k,
+                          OptionalTally tally) noexcept {
+  const auto su = static_cast<std::size_t>(u), sv = static_cast<std::size_t>(v);
+  {
+    const Approx numerator = detail::edge_numerator(j.at_corner[su], j.at_corner[sv], k.at_corner[su], k.at_corner[sv]);
+    const Approx denominator = j.at_corner[su] - j.at_corner[sv];
+    if (const int sign = numerator.certain_sign() * denominator.certain_sign()) {
+      detail::count_stage(tally, Stage::kFilter);
+      return sign;
+    }
+  }
+  const double* const ends[3] = {corners[u], corners[v], corners[v]};
+  const ExactScale scale = detail::facet_scale(ends, {j.owner, j.other, k.other});
+  Stage stage;
+  int sign = 0, denominator_sign = 0, slope_sign = 0, sum_sign = 0;
+  detail::with_exact_width(scale, stage, [&](auto width) {
+    constexpr int N = decltype(width)::value;
+    const detail::ExactBisector<N> dj(*j.owner, *j.other, ends, scale.unit());
+    const detail::ExactBisector<N> dk(*j.owner, *k.other, ends, scale.unit());
+    const auto denominator = dj.at_corner[0] - dj.at_corner[1];
+    const auto slope = dk.at_corner[1] - dk.at_corner[0];
+    sign = detail::edge_numerator(dj.at_corner[0], dj.at_corner[1], dk.at_corner[0], dk.at_corner[1]).sign();
+    denominator_sign = denominator.sign();
+    slope_sign = slope.sign();
+    sum_sign = (denominator + slope).sign();
+    return 0;
+  });
+  if (sign == 0) {
+    // The numerator gains ε_k·(D_j(u) − D_j(v)) + ε_j·(D_k(v) − D_k(u)) − ε_i·(sum of both).
+    stage = Stage::kSymbolic;
+    sign = detail::decide_by_dominance<3>({k.other, j.other, j.owner}, {denominator_sign, slope_sign, -sum_sign});
+  }
+  detail::count_stage(tally, stage);
+  return sign * denominator_sign;
+}
+
+int side_of_facet_crossing(const double* const corners[3], const Bisector& j, const Bisector& l, const Bisector& k,
+                           OptionalTally tally) noexcept {
+  {
+    const detail::CrossProduct<Approx> lambda(j.at_corner.data(), l.at_corner.data());
+    if (const int sign = lambda.dot(k.at_corner.data()).certain_sign() * lambda.sum().certain_sign()) {
+      detail::count_stage(tally, Stage::kFilter);
+      return sign;
+    }
+  }
+  const ExactScale scale = detail::facet_scale(corners, {j.owner, j.other, l.other, k.other});
+  Stage stage;
+  int sign = 0, sum_sign = 0, j_sign = 0, l_sign = 0, total_sign = 0;
+  detail::with_exact_width(scale, stage, [&](auto width) {
+    constexpr int N = decltype(width)::value;
+    const detail::ExactBisector<N> dj(*j.owner, *j.other, corners, scale.unit());
+    const detail::ExactBisector<N> dl(*j.owner, *l.other, corners, scale.unit());
+    const detail::ExactBisector<N> dk(*j.owner, *k.other, corners, scale.unit());
+    using Cross = detail::CrossProduct<Int<2 * N>>;
+    const Cross lambda(dj.at_corner, dl.at_corner);
+    sign = lambda.dot(dk.at_corner).sign();
+    const auto for_k = lambda.sum();                                // det[1; D_j; D_l]
+    const auto for_j = Cross(dl.at_corner, dk.at_corner).sum();     // det[D_k; 1; D_l]
+    const auto for_l = Cross(dk.at_corner, dj.at_corner).sum();     // det[D_k; D_j; 1]
+    sum_sign = for_k.sign();
+    j_sign = for_j.sign();
+    l_sign = for_l.sign();
+    total_sign = (for_k + for_j + for_l).sign();
+    return 0;
+  });
+  if (sign == 0) {
+    stage = Stage::kSymbolic;
+    sign = detail::decide_by_dominance<4>({k.other, j.other, l.other, j.owner}, {sum_sign, j_sign, l_sign, -total_sign});
+  }
+  detail::count_stage(tally, stage);
+  return sign * sum_sign;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+namespace {
+
+/// Coordinates whose bound is worse than this, relative to 1, are computed exactly. Facet edges are rarely longer than 1,000
+/// radii, where it means 1e-11 of a radius: well below the certificate's tolerance.
+constexpr double kCoordinateTolerance = 0x1p-46;
+
+template <int N>
+double ratio(const Int<N>& numerator, const Int<N>& denominator) noexcept {
+  int en, ed;
+  const double n = mantissa_exponent(numerator, en);
+  const double d = mantissa_exponent(denominator, ed);
+  return std::ldexp(n / d, en - ed);
+}
+
+double clamp01(double t) noexcept { return t < 0 ? 0 : (t > 1 ? 1 : t); }
+
+}  // namespace
+}  // namespace detail
+
+std::array<double, 2> edge_crossing_coordinates(const double* const corners[3], int u, int v, const Bisector& j) noexcept {
+  const Approx du = j.at_corner[static_cast<std::size_t>(u)], dv = j.at_corner[static_cast<std::size_t>(v)];
+  const Approx difference = du - dv;
+  if (difference.error <= detail::kCoordinateTolerance * std::fabs(difference.value)) {
+    return {detail::clamp01(-dv.value / difference.value), detail::clamp01(du.value / difference.value)};
+  }
+  const double* const ends[3] = {corners[u], corners[v], corners[v]};
+  const ExactScale scale = detail::facet_scale(ends, {j.owner, j.other});
+  Stage stage;
+  return detail::with_exact_width(scale, stage, [&](auto width) -> std::array<double, 2> {
+    const detail::ExactBisector<decltype(width)::value> d(*j.owner, *j.other, ends, scale.unit());
+    const auto exact_difference = d.at_corner[0] - d.at_corner[1];
+    if (exact_difference.sign() == 0) return {0.5, 0.5};  // not a crossing: the caller broke the requirement
+    return {detail::clamp01(detail::ratio(-d.at_corner[1], exact_difference)),
+            detail::clamp01(detail::ratio(d.at_corner[0], exact_difference))};
+  });
+}
+
+Vec3 facet_crossing_coordinates(const double* const corners[3], const WeightedPoint& i, const WeightedPoint& j,
+                                const WeightedPoint& l) noexcept {
+  // One order of the sites, so that all three of them compute the same bits.
+  std::array<const WeightedPoint*, 3> site = {&i, &j, &l};
+  if (lexicographically_less(*site[1], *site[0])) std::swap(site[0], site[1]);
+  if (lexicographically_less(*site[2], *site[1])) std::swap(site[1], site[2]);
+  if (lexicographically_less(*site[1], *site[0])) std::swap(site[0], site[1]);
+  {
+    const Bisector a(*site[0], *site[1], corners), b(*site[0], *site[2], corners);
+    const detail::CrossProduct<Approx> lambda(a.at_corner.data(), b.at_corner.data());
+    const Approx sum = lambda.sum();
+    const double worst = std::max({lambda.at[0].error, lambda.at[1].error, lambda.at[2].error, sum.error});
+    if (worst <= detail::kCoordinateTolerance * std::fabs(sum.value)) {
+      return {detail::clamp01(lambda.at[0].value / sum.value), detail::clamp01(lambda.at[1].value / sum.value),
+              detail::clamp01(lambda.at[2].value / sum.value)};
+    }
+  }
+  const ExactScale scale = detail::facet_scale(corners, {site[0], site[1], site[2]});
+  Stage stage;
+  return detail::with_exact_width(scale, stage, [&](auto width) -> Vec3 {
+    constexpr int N = decltype(width)::value;
+    const detail::ExactBisector<N> a(*site[0], *site[1], corners, scale.unit());
+    const detail::ExactBisector<N> b(*site[0], *site[2], corners, scale.unit());
+    const detail::CrossProduct<Int<2 * N>> lambda(a.at_corner, b.at_corner);
+    const auto sum = lambda.sum();
+    if (sum.sign() == 0) return Vec3::Constant(1.0 / 3);  // not a crossing: the caller broke the requirement
+    return {detail::clamp01(detail::ratio(lambda.at[0], sum)), detail::clamp01(detail::ratio(lambda.at[1], sum)),
+            detail::clamp01(detail::ratio(lambda.at[2], sum))};
+  });
+}
+
+}  // namespace amps

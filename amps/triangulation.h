@@ -1,0 +1,183 @@
+// triangulation.h: the regular triangulation of weighted points in space (weighted Delaunay triangulation), exact.
+//
+// What is computed. The power of x to a weighted point (p, w) is |x − p|² − w. Four points form a cell iff their orthogonal
+// sphere has no other point at negative power to it; with equal weights this is the Delaunay triangulation. Points below
+// the lower hull of the lifted points (p, |p|² − w) are hidden: they are no vertex and have no power cell.
+//
+// Uniqueness. Ties are broken by the symbolic perturbation of weights stated in predicates.h, so the cells are a function of the
+// weighted points alone, not of their order, and no cell is ever flat. Of points with equal positions the greatest weight wins and
+// hides the others; with equal weights too the one with the lowest id stays and the others are duplicates.
+//
+// How. Incremental insertion (Bowyer 1981, Watson 1981) with a ghost vertex at infinity; bulk input is sorted into rounds of
+// growing size (BRIO: Amenta, Choi & Rote 2003), each along a Hilbert curve; single points are located by a visibility walk.
+// Expected O(n log n) for bulk input, O(1) an insertion with a good hint on evenly spread points. Memory: 32 bytes a cell (about
+// 6.7 cells a point in a volume), 37 bytes a point.
+//
+// Limits. 2^29 cells. Any finite doubles. Degenerate sets (all points on one plane, line or point) have no cells; dimension()
+// says so, and insertion goes on from there.
+//
+// Thread-safety: const members may be called concurrently; everything else needs exclusive access.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/predicates.h"
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace amps {
+
+class RegularTriangulation {
+ public:
+  /// The vertex at infinity, fourth corner of every ghost cell.
+  static constexpr Index kInfinite = -2;
+
+  enum class VertexState : std::uint8_t {
+    kVisible,    ///< a vertex of the triangulation (or waiting for one while dimension() < 3)
+    kHidden,     ///< dominated by others: no power cell
+    kDuplicate,  ///< equal in position and weight to a point with a lower id
+  };
+
+  /// Four corners, positively oriented (orient3d > 0), and the neighbour opposite to each: 4·cell + the face of that cell that
+  /// is shared. The corner kInfinite, if any, is the last one; the other three then form a hull facet, counter-clockwise seen
+  /// from outside.
+  struct Cell {
+    std::array<Index, 4> vertex;
+    std::array<Index, 4> neighbor;
+    bool ghost() const { return vertex[3] == kInfinite; }
+    bool alive() const { return vertex[0] != kNone; }
+  };
+
+  RegularTriangulation() = default;
+
+  /// Bulk construction: insert(positions, weights).
+  explicit RegularTriangulation(const PointsView& positions);
+  RegularTriangulation(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights);
+
+  /// Inserts a list of points: ids are num_vertices()… in row order. No weights: all 0.
+  /// Throws Error(kInvalidArgument): a coordinate or weight not finite (names the row), sizes differ, more than 2^29 cells.
+  /// Nothing has changed then.
+  void insert(const PointsView& positions);
+  void insert(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights);
+
+  /// Inserts one point and returns its id. `hint`: a cell near it (kNone: the last one touched).
+  Index insert(const Vec3& position, double weight, Index hint = kNone);
+
+  /// −1 empty, 0 all at one position, 1 on a line, 2 in a plane, 3 proper: only then are there cells.
+  int dimension() const { return dimension_; }
+
+  Index num_vertices() const { return static_cast<Index>(points_.size()); }  ///< ids given out, hidden ones included
+  Index num_hidden() const { return num_hidden_; }                           ///< hidden and duplicate
+  const WeightedPoint& point(Index v) const { return points_[static_cast<std::size_t>(v)]; }
+  VertexState state(Index v) const { return state_[static_cast<std::size_t>(v)]; }
+
+  /// Cells live in a flat array with holes: visit c in [0, cell_capacity()) with cell(c).alive().
+  Index cell_capacity() const { return static_cast<Index>(cells_.size()); }
+  const Cell& cell(Index c) const { return cells_[static_cast<std::size_t>(c)]; }
+  Index num_cells() const { return num_finite_; }  ///< finite ones
+  Index num_ghosts() const { return num_ghosts_; } ///< = hull facets
+
+  /// #C by 4 corners of the finite cells, in storage order.
+  Eigen::Matrix<Index, Eigen::Dynamic, 4, Eigen::RowMajor> cells() const;
+  /// #H by 3 hull facets, outward: counter-clockwise seen from outside.
+  Triangles hull() const;
+
+  /// Some cell with corner v (kNone for hidden points and while dimension() < 3).
+  Index incident_cell(Index v) const {
+    return state(v) == VertexState::kVisible ? vertex_cell_[static_cast<std::size_t>(v)] : kNone;
+  }
+
+  /// Vertices sharing an edge with v, ascending ids, kInfinite left out. Empty for hidden points. `out` is overwritten and keeps
+  /// its capacity. O(degree).
+  void neighbors(Index v, std::vector<Index>& out) const;
+  /// Cells with corner v, ghosts included, in no particular order.
+  void incident_cells(Index v, std::vector<Index>& out) const;
+  /// All vertices' neighbours at once: those of v are `adjacent[offset[v]] … adjacent[offset[v + 1] − 1]`, ascending.
+  struct Adjacency {
+    std::vector<Index> offset;
+    std::vector<Index> adjacent;
+  };
+  Adjacency adjacency() const;
+
+  /// The cell that contains x, boundary included; a ghost cell whose hull facet sees x if x is outside the hull. `hint`: a cell
+  /// to start from. Requires dimension() == 3 (else kNone).
+  Index locate(const Vec3& x, Index hint = kNone) const;
+
+  /// The visible vertex with the smallest power at x; ties go to the lexicographically smallest, as everywhere. A walk over
+  /// power cells from `near` (a vertex; kNone: any). kNone if there is no point. O(distance walked); O(n) if dimension() < 3.
+  Index power_nearest(const Vec3& x, Index near = kNone) const;
+
+  /// Re-proves every invariant and returns the first violation found, "" if none.
+  ///   1: adjacency is symmetric, corners agree, all finite cells positively oriented, hull closed and convex at its edges
+  ///   2: and every facet locally regular (hence the triangulation globally so), hidden points hidden
+  /// Linear in the number of cells and points.
+  std::string check(int level = 2) const;
+
+
+ private:
+  struct BoundaryFacet {
+    std::array<Index, 4> vertex;    ///< of the new cell: those of the conflicting one with the new vertex in `slot`
+    Index outside;                  ///< 4·cell + face on the far side
+    std::int32_t slot;
+    std::array<std::int32_t, 4> local;  ///< cavity-local numbers of the corners
+  };
+
+  void append_points(const PointsView& positions, const double* weights);
+  void grow_bounds(const WeightedPoint& p);
+  void start_simplex(const std::array<Index, 4>& corner);
+  bool extend_basis(Index v);
+  void build(std::vector<Index> order);
+  void bulk_insert(Index first);
+  void relabel(Index first, const std::vector<Index>& id_of_rank);
+  Index insert_vertex(Index v, Index hint);
+
+  bool in_conflict(Index c, const WeightedPoint& q) const;
+  Index walk(const WeightedPoint& q, Index start) const;
+  void dig_cavity(Index start, const WeightedPoint& q);
+  void number_cavity_vertices();
+  void collect_hidden_by_cavity();
+  Index fill_cavity(Index v);
+  void link_star(const std::vector<Index>& new_cell);
+  Index allocate_cell();
+
+  void hide(Index v, VertexState state);
+  void attach_hidden(Index v, Index c);
+  void release_hidden(Index c);
+  void place_hidden(Index hint);
+
+  bool is_vertex(Index v) const { return state(v) == VertexState::kVisible && vertex_cell_[static_cast<std::size_t>(v)] != kNone; }
+
+  std::vector<WeightedPoint> points_;
+  std::vector<VertexState> state_;
+  std::vector<Index> vertex_cell_;  ///< visible: an incident cell; hidden: the cell whose interior or boundary contains it
+  std::vector<Cell> cells_;         ///< a dead cell has vertex[0] == kNone
+  std::vector<Index> free_cells_;
+  int dimension_ = -1;
+  std::array<Index, 3> basis_{kNone, kNone, kNone};  ///< affinely independent points, dimension_ + 1 of them while < 3
+  Index num_hidden_ = 0;
+  Index num_finite_ = 0;
+  Index num_ghosts_ = 0;
+  Index last_cell_ = kNone;  ///< where the next walk without a hint starts
+  bool weights_vary_ = false;
+
+  Vec3 box_min_ = Vec3::Constant(INFINITY);
+  Vec3 box_max_ = Vec3::Constant(-INFINITY);
+  double weight_min_ = INFINITY, weight_max_ = -INFINITY;
+  detail::StaticBounds bounds_;
+
+  // Hidden points of a cell form a singly linked list. Both arrays stay empty until a point hides.
+  std::vector<Index> hidden_head_;  ///< by cell
+  std::vector<Index> hidden_next_;  ///< by vertex
+  bool bulk_ = false;               ///< hidden points are attached once, at the end of a bulk insertion
+
+  // Scratch of one insertion, kept for its capacity.
+  std::vector<std::uint8_t> mark_;  ///< by cell
+  std::vector<Index> conflict_, stack_, outside_tested_, unplaced_, new_cells_;
+  std::vector<BoundaryFacet> boundary_;
+  std::vector<std::int32_t> local_;  ///< by vertex + 2: cavity-local number + 1, 0 outside an insertion
+  std::vector<Index> cavity_vertices_;
+  std::vector<Index> edge_table_;
+};
+
+}  // namespace amps
