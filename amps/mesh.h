@@ -3,6 +3,7 @@
 
 #include "amps/base.h"
 
+#include <cmath>
 #include <iosfwd>
 #include <vector>
 
@@ -24,21 +25,28 @@ struct MeshView {
 
   Index num_vertices() const { return static_cast<Index>(vertices.rows()); }
   Index num_facets() const { return static_cast<Index>(triangles.rows()); }
+  /// The three coordinates of a vertex, where they lie.
+  const double* position(Index v) const { return vertices.data() + v * vertices.outerStride(); }
   Vec3 corner(Index facet, int k) const { return vertices.row(triangles(facet, k)).transpose(); }
 };
 
 /// Throws Error(kInvalidMesh) naming the first offending vertex or facet, and what to do, if the mesh has no facet, a
-/// coordinate that is NaN or infinite, an index out of range, or no area. Everything else works. O(#V + #F).
+/// coordinate that is NaN or infinite, an index out of range, or an area that is 0 or infinite as a double; Error(kTooLarge)
+/// for more than 2^31 − 1 vertices or facets. Everything else works.
 void require_usable(const MeshView& mesh);
 
-/// Area of each facet, absolute units; 0 for degenerate ones.
+// All functions of this file are O(#V + #F) expected and thread-safe. Those below, but topology() and check(), throw
+// Error(kInvalidMesh) for an index out of range.
+
+/// Area of each facet, absolute units; exactly 0 where the corners are exactly collinear. Good at any scale whose squares a
+/// double holds. total_area is a compensated sum, so it does not depend on the order of facets beyond its last bits.
 std::vector<double> facet_areas(const MeshView& mesh);
 double total_area(const MeshView& mesh);
 
 /// #F by 3 unit normals by the right-hand rule; zero rows for degenerate facets.
 Points facet_normals(const MeshView& mesh);
 
-/// Smallest box around the vertices that facets use.
+/// Smallest box around the vertices that facets use; a point at the origin if there is no facet.
 struct Box {
   Vec3 min = Vec3::Zero();
   Vec3 max = Vec3::Zero();
@@ -60,7 +68,7 @@ struct TopologyReport {
   Index components = 0;             ///< connected through shared vertices
   Index euler_characteristic = 0;   ///< vertices − edges + facets
   Index boundary_edges = 0;         ///< edges of exactly one facet
-  Index boundary_loops = 0;         ///< closed curves the boundary edges form (components of the boundary graph)
+  Index boundary_loops = 0;         ///< closed curves the boundary edges form; curves of different fans at a vertex are apart
   Index non_manifold_edges = 0;     ///< edges of three or more facets
   Index non_manifold_vertices = 0;  ///< vertices, on no non-manifold edge, whose facets do not form one fan
   Index inconsistent_edges = 0;     ///< edges two facets traverse in the same direction
@@ -69,6 +77,8 @@ struct TopologyReport {
   /// Sum over components, meaningful for orientable manifolds: (2·components − boundary_loops − euler_characteristic) / 2.
   Index genus() const { return (2 * components - boundary_loops - euler_characteristic) / 2; }
 };
+
+/// Facets with an index out of range are left out too; no other error.
 TopologyReport topology(const MeshView& mesh);
 std::ostream& operator<<(std::ostream& out, const TopologyReport& report);
 
@@ -77,16 +87,20 @@ struct MeshReport {
   Index vertices = 0;
   Index facets = 0;
   Index non_finite_vertices = 0;
-  Index out_of_range_facets = 0;     ///< a corner index < 0 or ≥ #V
-  Index repeated_index_facets = 0;   ///< two corners share an index
-  Index zero_area_facets = 0;        ///< distinct indices, exactly collinear corners (decided exactly)
-  Index duplicate_vertices = 0;      ///< equal coordinates to an earlier vertex
+  Index out_of_range_facets = 0;    ///< a corner index < 0 or ≥ #V
+  Index repeated_index_facets = 0;  ///< two corners share an index
+  Index zero_area_facets = 0;       ///< distinct indices, exactly collinear corners (decided exactly)
+  Index duplicate_vertices = 0;     ///< equal coordinates to an earlier vertex
   Index isolated_vertices = 0;
   double area = 0;
   Box box;
-  TopologyReport topology;           ///< of the facets whose indices are in range
-  bool usable() const { return facets > 0 && non_finite_vertices == 0 && out_of_range_facets == 0 && area > 0; }
+  TopologyReport topology;  ///< of the facets whose indices are in range
+  bool usable() const {
+    return facets > 0 && non_finite_vertices == 0 && out_of_range_facets == 0 && area > 0 && std::isfinite(area);
+  }
 };
+
+/// Takes any mesh whatsoever; facets with an index out of range or a corner that is not finite count in no measure.
 MeshReport check(const MeshView& mesh);
 std::ostream& operator<<(std::ostream& out, const MeshReport& report);
 

@@ -1,0 +1,609 @@
+#include "amps/power_diagram.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace amps {
+namespace detail {
+namespace {
+
+std::size_t slot(Index i) noexcept { return static_cast<std::size_t>(i); }
+
+/// A corner computed from barycentric coordinates good to a few 2^-46 (predicates.h) is off by less than this, relative to the
+/// facet's longest edge, plus kPositionRounding relative to its largest coordinate.
+constexpr double kPositionError = 0x1p-42;
+constexpr double kPositionRounding = 0x1p-49;
+/// Relative rounding of D_k(x) evaluated in doubles: 8 operations, slack 4.
+constexpr double kSideRounding = 0x1p-48;
+/// Relative slack of plane offsets and of the security radius they are compared with.
+constexpr double kOffsetSlack = 1e-9;
+
+}  // namespace
+}  // namespace detail
+
+using detail::slot;
+
+double RestrictedPowerDiagram::Polygon::area() const {
+  Vec3 sum = Vec3::Zero();
+  for (Index k = 2; k < size; ++k) sum += (corners[k - 1] - corners[0]).cross(corners[k] - corners[0]);
+  return 0.5 * sum.norm();
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
+// Clipping one polygon of one facet and owner
+
+class RestrictedPowerDiagram::Clipper {
+ public:
+  explicit Clipper(const RestrictedPowerDiagram& diagram) : diagram_(diagram) {}
+
+  /// False if the facet has no area.
+  bool set_facet(Index facet) {
+    const MeshView& mesh = diagram_.mesh_;
+    for (int c = 0; c < 3; ++c) {
+      vertex_[slot(c)] = mesh.triangles(facet, c);
+      corner_[c] = mesh.position(vertex_[slot(c)]);
+    }
+    double longest = 0, largest = 0;
+    for (int c = 0; c < 3; ++c) {
+      longest = std::max(longest, (corner(c) - corner((c + 1) % 3)).squaredNorm());
+      largest = std::max(largest, corner(c).cwiseAbs().maxCoeff());
+    }
+    position_error_ = detail::kPositionError * std::sqrt(longest) + detail::kPositionRounding * largest;
+    return !collinear(corner_[0], corner_[1], corner_[2]);
+  }
+
+  /// The whole facet, owned by `site`.
+  void start(Index site) {
+    set_owner(site);
+    corners_.clear();
+    labels_.clear();
+    for (int c = 0; c < 3; ++c) {
+      corners_.push_back(corner(c));
+      labels_.push_back(mesh_edge_label(c));
+    }
+  }
+
+  void load(const Polygon& polygon) {
+    set_owner(polygon.site);
+    corners_.assign(polygon.corners, polygon.corners + polygon.size);
+    labels_.assign(polygon.labels, polygon.labels + polygon.size);
+  }
+
+  /// Keeps what is on the owner's side of the bisector with `other`; true if something was cut off.
+  bool clip(Index other) {
+    const std::size_t n = corners_.size();
+    const WeightedPoint& site = diagram_.site(other);
+    bool any_inside = false, any_outside = false;
+    sides_.resize(n);
+    for (std::size_t k = 0; k < n; ++k) {
+      sides_[k] = static_cast<signed char>(approximate_side(corners_[k], site));
+      if (sides_[k] == 0) sides_[k] = static_cast<signed char>(exact_side(k, site));
+      (sides_[k] > 0 ? any_inside : any_outside) = true;
+    }
+    if (!any_outside) return false;
+    if (!any_inside) {
+      corners_.clear();
+      labels_.clear();
+      return true;
+    }
+    cut(other);
+    return true;
+  }
+
+  /// Clips by bisectors in order of their offset while they can reach the polygon (security radius).
+  void clip_all(const Plane* begin, const Plane* end) {
+    double reach = security_radius();
+    for (const Plane* plane = begin; plane != end && plane->offset <= reach; ++plane) {
+      if (clip(plane->site)) {
+        if (empty()) return;
+        reach = security_radius();
+      }
+    }
+  }
+
+  bool empty() const { return corners_.empty(); }
+  const std::vector<Vec3>& corners() const { return corners_; }
+  const std::vector<Index>& labels() const { return labels_; }
+
+ private:
+  Vec3 corner(int c) const { return {corner_[c][0], corner_[c][1], corner_[c][2]}; }
+
+  void set_owner(Index site) {
+    owner_ = &diagram_.site(site);
+    owner_position_ = owner_->position();
+  }
+
+  double security_radius() const {
+    double farthest = 0;
+    for (const Vec3& x : corners_) farthest = std::max(farthest, (x - owner_position_).squaredNorm());
+    return std::sqrt(farthest) * (1 + detail::kOffsetSlack) + position_error_;
+  }
+
+  /// The side of a computed corner if its distance to the bisector exceeds all errors, else 0.
+  int approximate_side(const Vec3& x, const WeightedPoint& site) const {
+    const double ax = site.x - x.x(), ay = site.y - x.y(), az = site.z - x.z();
+    const double bx = owner_->x - x.x(), by = owner_->y - x.y(), bz = owner_->z - x.z();
+    const double dx = site.x - owner_->x, dy = site.y - owner_->y, dz = site.z - owner_->z;
+    const double dw = owner_->w - site.w;
+    const double value = (dx * (ax + bx) + dy * (ay + by) + dz * (az + bz)) + dw;
+    // |∇D| = 2|d|; |·|₁ bounds |·|₂ from above.
+    const double d = std::fabs(dx) + std::fabs(dy) + std::fabs(dz);
+    const double span = std::fabs(ax) + std::fabs(ay) + std::fabs(az) + std::fabs(bx) + std::fabs(by) + std::fabs(bz);
+    const double margin = d * (2 * position_error_ + detail::kSideRounding * span) + detail::kSideRounding * std::fabs(dw);
+    return value > margin ? 1 : (-value > margin ? -1 : 0);
+  }
+
+  int exact_side(std::size_t k, const WeightedPoint& site) const {
+    const Index in = labels_[k == 0 ? labels_.size() - 1 : k - 1], out = labels_[k];
+    const Bisector by(*owner_, site, corner_);
+    if (is_site(in) && is_site(out)) return side_of_facet_crossing(corner_, bisector(in), bisector(out), by);
+    if (!is_site(in) && !is_site(out)) return side_of_corner(corner_, mesh_edge(out), by);
+    const int e = mesh_edge(is_site(in) ? out : in);
+    return side_of_edge_crossing(corner_, e, (e + 1) % 3, bisector(is_site(in) ? in : out), by);
+  }
+
+  Bisector bisector(Index label) const { return Bisector(*owner_, diagram_.site(label), corner_); }
+
+  /// The intersection of the line of an edge with the bisector of `other`.
+  Vec3 crossing(Index label, Index other) const {
+    if (is_site(label)) {
+      const Vec3 b = facet_crossing_coordinates(corner_, *owner_, diagram_.site(label), diagram_.site(other));
+      return b[0] * corner(0) + b[1] * corner(1) + b[2] * corner(2);
+    }
+    // Ends in the order of their global indices: both facets of the edge compute the same bits.
+    int u = mesh_edge(label), v = (u + 1) % 3;
+    if (vertex_[slot(u)] > vertex_[slot(v)]) std::swap(u, v);
+    const std::array<double, 2> b = edge_crossing_coordinates(corner_, u, v, bisector(other));
+    return b[0] * corner(u) + b[1] * corner(v);
+  }
+
+  /// Replaces the outside corners, one run of them since both polygon and half-space are convex, by two crossings.
+  void cut(Index other) {
+    const std::size_t n = corners_.size();
+    std::size_t leave = 0;  // the last corner inside before the run
+    while (!(sides_[leave] > 0 && sides_[leave + 1 == n ? 0 : leave + 1] < 0)) ++leave;
+    std::size_t enter = leave + 1 == n ? 0 : leave + 1;  // the last corner of the run
+    while (sides_[enter + 1 == n ? 0 : enter + 1] < 0) enter = enter + 1 == n ? 0 : enter + 1;
+    const Vec3 leaving = crossing(labels_[leave], other);
+    const Vec3 entering = crossing(labels_[enter], other);
+    new_corners_.clear();
+    new_labels_.clear();
+    for (std::size_t k = enter + 1 == n ? 0 : enter + 1;; k = k + 1 == n ? 0 : k + 1) {
+      AMPS_ASSERT(sides_[k] > 0);
+      new_corners_.push_back(corners_[k]);
+      new_labels_.push_back(labels_[k]);
+      if (k == leave) break;
+    }
+    new_corners_.push_back(leaving);
+    new_labels_.push_back(other);
+    new_corners_.push_back(entering);
+    new_labels_.push_back(labels_[enter]);
+    corners_.swap(new_corners_);
+    labels_.swap(new_labels_);
+  }
+
+  const RestrictedPowerDiagram& diagram_;
+  const double* corner_[3] = {};
+  std::array<Index, 3> vertex_{};
+  double position_error_ = 0;
+  const WeightedPoint* owner_ = nullptr;
+  Vec3 owner_position_ = Vec3::Zero();
+  std::vector<Vec3> corners_, new_corners_;
+  std::vector<Index> labels_, new_labels_;
+  std::vector<signed char> sides_;
+};
+
+// ---------------------------------------------------------------------------------------------------------------------------
+// Construction
+
+/// Fragments of a run of facets, before they are put together.
+struct RestrictedPowerDiagram::Batch {
+  struct Entry {
+    Index facet, site, size;
+  };
+  std::vector<Entry> entries;
+  std::vector<Vec3> corners;
+  std::vector<Index> labels;
+  std::vector<Index> queue;      ///< sites found in the current facet
+  std::vector<Index> last_seen;  ///< by site: the facet it was last queued in
+};
+
+RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites,
+                                               const Eigen::Ref<const Eigen::VectorXd>& weights, unsigned threads,
+                                               const Progress& progress)
+    : mesh_(mesh) {
+  require_usable(mesh);
+  if (sites.rows() == 0) throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: no sites; give at least one");
+  triangulate(sites, weights);
+  first_of_site_.assign(slot(num_sites()), kNone);
+  first_of_facet_.assign(slot(mesh_.num_facets()), kNone);
+  build(threads, progress);
+}
+
+void RestrictedPowerDiagram::triangulate(const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights) {
+  if (weights.size() != sites.rows()) {
+    throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: " + std::to_string(sites.rows()) + " sites with " +
+                                                 std::to_string(weights.size()) + " weights; give one weight a site");
+  }
+  const Box box = bounding_box(mesh_);
+  Vec3 low = box.min, high = box.max;
+  for (Eigen::Index s = 0; s < sites.rows(); ++s) {
+    if (!sites.row(s).allFinite() || !std::isfinite(weights[s])) {
+      throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: site " + std::to_string(s) +
+                                                   " is not finite (NaN or infinity); remove or repair it");
+    }
+    low = low.cwiseMin(sites.row(s).transpose());
+    high = high.cwiseMax(sites.row(s).transpose());
+  }
+  // A regular tetrahedron whose corners are 4 diagonals from the centre. At any point of the box its corners have power at least
+  // 9 diagonals² − w_min, and every site at most 1 diagonal² − w_min.
+  const double reach = 4 * (high - low).norm() / std::sqrt(3.0);
+  const Vec3 centre = low + (high - low) / 2;
+  const double least_weight = weights.minCoeff();
+  Points positions(sites.rows() + kSentinels, 3);
+  Eigen::VectorXd all_weights(positions.rows());
+  const double sign[4][3] = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
+  for (int k = 0; k < kSentinels; ++k) {
+    positions.row(k) = (centre + reach * Vec3(sign[k][0], sign[k][1], sign[k][2])).transpose();
+    all_weights[k] = least_weight;
+  }
+  positions.bottomRows(sites.rows()) = sites;
+  all_weights.tail(weights.size()) = weights;
+  triangulation_.insert(positions, all_weights);
+}
+
+RestrictedPowerDiagram::Plane RestrictedPowerDiagram::plane(Index owner, Index other) const {
+  const WeightedPoint &p = site(owner), &q = site(other);
+  const double d2 = (q.position() - p.position()).squaredNorm();
+  const double dw = p.w - q.w;
+  return {((d2 + dw) - detail::kOffsetSlack * (d2 + std::fabs(dw))) / (2 * std::sqrt(d2)), other};
+}
+
+void RestrictedPowerDiagram::build(unsigned threads, const Progress& progress) {
+  const RegularTriangulation::Adjacency adjacency = triangulation_.adjacency();
+  std::vector<Index> offset(slot(num_sites()) + 1, 0);
+  std::vector<Plane> planes;
+  planes.reserve(adjacency.adjacent.size());
+  for (Index s = 0; s < num_sites(); ++s) {
+    const Index first = adjacency.offset[slot(s + kSentinels)], last = adjacency.offset[slot(s + kSentinels) + 1];
+    for (Index k = first; k < last; ++k) {
+      const Index other = adjacency.adjacent[slot(k)] - kSentinels;
+      if (other >= 0) planes.push_back(plane(s, other));
+    }
+    std::sort(planes.begin() + offset[slot(s)], planes.end(), [](const Plane& a, const Plane& b) {
+      return a.offset != b.offset ? a.offset < b.offset : a.site < b.site;
+    });
+    offset[slot(s) + 1] = static_cast<Index>(planes.size());
+  }
+  Index first_visible = 0;
+  while (!visible(first_visible)) ++first_visible;
+  const std::vector<Index> owner = corner_owners(offset, planes, first_visible);
+
+  constexpr std::size_t kFacetsPerBatch = 4096;
+  const std::size_t num_facets = slot(mesh_.num_facets());
+  std::vector<Batch> batches((num_facets + kFacetsPerBatch - 1) / kFacetsPerBatch);
+  std::atomic<std::size_t> done{0};
+  parallel_for(num_facets, kFacetsPerBatch, threads, [&](std::size_t begin, std::size_t end) {
+    if (progress.cancelled()) return;
+    Batch& batch = batches[begin / kFacetsPerBatch];
+    batch.last_seen.assign(slot(num_sites()), kNone);
+    Clipper clipper(*this);
+    for (std::size_t f = begin; f < end; ++f) {
+      const Index facet = static_cast<Index>(f);
+      if (clipper.set_facet(facet)) flood_facet(facet, owner[slot(mesh_.triangles(facet, 0))], offset, planes, clipper, batch);
+    }
+    batch.last_seen = {};
+    done += end - begin;
+    progress.report("restricted power diagram", static_cast<double>(done) / static_cast<double>(num_facets));
+  });
+
+  std::size_t num_fragments = 0, num_corners = 0;
+  for (const Batch& batch : batches) {
+    num_fragments += batch.entries.size();
+    num_corners += batch.corners.size();
+  }
+  fragments_.reserve(num_fragments + num_fragments / 4);
+  corners_.reserve(num_corners + num_corners / 2);
+  labels_.reserve(num_corners + num_corners / 2);
+  for (Batch& batch : batches) {
+    Index first = static_cast<Index>(corners_.size());
+    for (const Batch::Entry& entry : batch.entries) {
+      const Index f = static_cast<Index>(fragments_.size());
+      Fragment fragment;
+      fragment.facet = entry.facet;
+      fragment.site = entry.site;
+      fragment.first = first;
+      fragment.size = fragment.capacity = entry.size;
+      first += entry.size;
+      fragments_.push_back(fragment);
+      link(f);
+    }
+    corners_.insert(corners_.end(), batch.corners.begin(), batch.corners.end());
+    labels_.insert(labels_.end(), batch.labels.begin(), batch.labels.end());
+    batch = {};
+  }
+  num_fragments_ = static_cast<Index>(fragments_.size());
+}
+
+/// The owner of every mesh vertex that a facet uses, found by walking from the last one over ever nearer neighbours.
+std::vector<Index> RestrictedPowerDiagram::corner_owners(const std::vector<Index>& offset, const std::vector<Plane>& planes,
+                                                         Index first) const {
+  std::vector<Index> owner(slot(mesh_.num_vertices()), kNone);
+  Index near = first;
+  for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
+    for (int c = 0; c < 3; ++c) {
+      const Index known = owner[slot(mesh_.triangles(facet, c))];
+      if (known != kNone) near = known;
+    }
+    for (int c = 0; c < 3; ++c) {
+      Index& found = owner[slot(mesh_.triangles(facet, c))];
+      if (found != kNone) continue;
+      const double* const x = mesh_.position(mesh_.triangles(facet, c));
+      const double* const corners[3] = {x, x, x};
+      for (bool moved = true; moved;) {
+        moved = false;
+        for (Index k = offset[slot(near)]; k < offset[slot(near) + 1] && !moved; ++k) {
+          const Index other = planes[slot(k)].site;
+          if (side_of_corner(corners, 0, Bisector(site(near), site(other), corners)) < 0) {
+            near = other;
+            moved = true;
+          }
+        }
+      }
+      found = near;
+    }
+  }
+  return owner;
+}
+
+void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const std::vector<Index>& offset,
+                                         const std::vector<Plane>& planes, Clipper& clipper, Batch& batch) const {
+  batch.queue.assign(1, owner);
+  batch.last_seen[slot(owner)] = facet;
+  for (std::size_t k = 0; k < batch.queue.size(); ++k) {
+    const Index s = batch.queue[k];
+    clipper.start(s);
+    clipper.clip_all(planes.data() + offset[slot(s)], planes.data() + offset[slot(s) + 1]);
+    AMPS_ASSERT(!clipper.empty());
+    batch.entries.push_back({facet, s, static_cast<Index>(clipper.corners().size())});
+    batch.corners.insert(batch.corners.end(), clipper.corners().begin(), clipper.corners().end());
+    batch.labels.insert(batch.labels.end(), clipper.labels().begin(), clipper.labels().end());
+    for (const Index label : clipper.labels()) {
+      if (is_site(label) && batch.last_seen[slot(label)] != facet) {
+        batch.last_seen[slot(label)] = facet;
+        batch.queue.push_back(label);
+      }
+    }
+  }
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
+// Fragment store
+
+RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
+  const Fragment& fragment = fragments_[slot(f)];
+  return {fragment.facet, fragment.site, corners_.data() + fragment.first, labels_.data() + fragment.first, fragment.size};
+}
+
+/// Puts a fragment at the head of its two lists.
+void RestrictedPowerDiagram::link(Index f) {
+  Fragment& fragment = fragments_[slot(f)];
+  Index& of_site = first_of_site_[slot(fragment.site)];
+  Index& of_facet = first_of_facet_[slot(fragment.facet)];
+  fragment.next_of_site = of_site;
+  fragment.next_of_facet = of_facet;
+  fragment.previous_of_site = fragment.previous_of_facet = kNone;
+  if (of_site != kNone) fragments_[slot(of_site)].previous_of_site = f;
+  if (of_facet != kNone) fragments_[slot(of_facet)].previous_of_facet = f;
+  of_site = of_facet = f;
+}
+
+void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper) {
+  const Index size = static_cast<Index>(clipper.corners().size());
+  if (size > fragment.capacity) {
+    pool_garbage_ += slot(fragment.capacity);
+    fragment.first = static_cast<Index>(corners_.size());
+    fragment.capacity = size + 2;  // room for the next cut or two
+    corners_.resize(corners_.size() + slot(fragment.capacity), Vec3::Zero());
+    labels_.resize(labels_.size() + slot(fragment.capacity), kNone);
+  }
+  fragment.size = size;
+  std::copy(clipper.corners().begin(), clipper.corners().end(), corners_.begin() + fragment.first);
+  std::copy(clipper.labels().begin(), clipper.labels().end(), labels_.begin() + fragment.first);
+}
+
+void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper) {
+  Index f;
+  if (free_fragments_.empty()) {
+    f = static_cast<Index>(fragments_.size());
+    fragments_.emplace_back();
+  } else {
+    f = free_fragments_.back();
+    free_fragments_.pop_back();
+  }
+  fragments_[slot(f)].facet = facet;
+  fragments_[slot(f)].site = site;
+  store_polygon(fragments_[slot(f)], clipper);
+  link(f);
+  ++num_fragments_;
+  changed_.push_back(f);
+}
+
+/// The slot keeps its room in the pools for its next use.
+void RestrictedPowerDiagram::free_fragment(Index f) {
+  Fragment& fragment = fragments_[slot(f)];
+  (fragment.previous_of_site == kNone ? first_of_site_[slot(fragment.site)]
+                                      : fragments_[slot(fragment.previous_of_site)].next_of_site) = fragment.next_of_site;
+  if (fragment.next_of_site != kNone) fragments_[slot(fragment.next_of_site)].previous_of_site = fragment.previous_of_site;
+  (fragment.previous_of_facet == kNone ? first_of_facet_[slot(fragment.facet)]
+                                       : fragments_[slot(fragment.previous_of_facet)].next_of_facet) = fragment.next_of_facet;
+  if (fragment.next_of_facet != kNone) fragments_[slot(fragment.next_of_facet)].previous_of_facet = fragment.previous_of_facet;
+  fragment.size = 0;
+  --num_fragments_;
+  free_fragments_.push_back(f);
+}
+
+/// Moves all polygons together once more than half of the pools is unused.
+void RestrictedPowerDiagram::compact_pools() {
+  if (2 * pool_garbage_ < corners_.size()) return;
+  std::vector<Vec3> corners;
+  std::vector<Index> labels;
+  corners.reserve(corners_.size());
+  labels.reserve(labels_.size());
+  for (Fragment& fragment : fragments_) {
+    const Index first = static_cast<Index>(corners.size());
+    corners.insert(corners.end(), corners_.begin() + fragment.first, corners_.begin() + fragment.first + fragment.size);
+    labels.insert(labels.end(), labels_.begin() + fragment.first, labels_.begin() + fragment.first + fragment.size);
+    fragment.first = first;
+    fragment.capacity = fragment.size;
+  }
+  corners_.swap(corners);
+  labels_.swap(labels);
+  pool_garbage_ = 0;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
+// Local insertion
+
+Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index near) {
+  const Index hint = near == kNone || !visible(near) ? kNone : triangulation_.incident_cell(near + kSentinels);
+  const Index s = triangulation_.insert(position, weight, hint) - kSentinels;
+  first_of_site_.push_back(kNone);
+  changed_.clear();
+  if (!visible(s)) return s;
+
+  // The new cell takes its place from its neighbours and from the sites it has hidden, and from nobody else.
+  std::vector<Index> around;
+  neighbors(s, around);
+  std::vector<Plane> planes;
+  planes.reserve(around.size());
+  for (const Index other : around) planes.push_back(plane(s, other));
+  std::sort(planes.begin(), planes.end(), [](const Plane& a, const Plane& b) {
+    return a.offset != b.offset ? a.offset < b.offset : a.site < b.site;
+  });
+  Clipper clipper(*this);
+  std::vector<Index> facets;
+  for (const Plane& plane : planes) clip_fragments_of(plane.site, s, clipper, facets);
+  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+    if (v >= kSentinels && v != s + kSentinels) clip_fragments_of(v - kSentinels, s, clipper, facets);
+  }
+  std::sort(facets.begin(), facets.end());
+  facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
+  for (const Index facet : facets) {
+    clipper.set_facet(facet);
+    clipper.start(s);
+    clipper.clip_all(planes.data(), planes.data() + planes.size());
+    AMPS_ASSERT(!clipper.empty());
+    add_fragment(facet, s, clipper);
+  }
+  compact_pools();
+  // A slot freed and used again is listed twice.
+  std::sort(changed_.begin(), changed_.end());
+  changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
+  return s;
+}
+
+/// Takes the cell of `by` off the fragments of `site`, and lists the facets where it took something.
+void RestrictedPowerDiagram::clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets) {
+  for (Index f = first_of_site(site); f != kNone;) {
+    const Index next = next_of_site(f);
+    const Polygon polygon = this->polygon(f);
+    clipper.set_facet(polygon.facet);
+    clipper.load(polygon);
+    if (clipper.clip(by)) {
+      facets.push_back(polygon.facet);
+      changed_.push_back(f);
+      if (clipper.empty()) {
+        free_fragment(f);
+      } else {
+        store_polygon(fragments_[slot(f)], clipper);
+      }
+    }
+    f = next;
+  }
+}
+
+void RestrictedPowerDiagram::neighbors(Index s, std::vector<Index>& out) const {
+  triangulation_.neighbors(s + kSentinels, out);
+  std::size_t kept = 0;
+  for (const Index v : out) {
+    if (v >= kSentinels) out[kept++] = v - kSentinels;
+  }
+  out.resize(kept);
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
+// Dual, measures, proof
+
+Triangles RestrictedPowerDiagram::dual_triangles(std::vector<Index>* facets) const {
+  std::vector<Index> corners;
+  if (facets != nullptr) facets->clear();
+  for (Index f = 0; f < fragment_capacity(); ++f) {
+    const Polygon p = polygon(f);
+    for (Index k = 0; k < p.size; ++k) {
+      // Walking round the vertex counter-clockwise from the owner, the cell across the incoming edge comes first.
+      const Index in = p.labels[k == 0 ? p.size - 1 : k - 1], out = p.labels[k];
+      if (in <= p.site || out <= p.site) continue;  // mesh edges are negative; all three fragments see the vertex, the least lists it
+      corners.insert(corners.end(), {p.site, in, out});
+      if (facets != nullptr) facets->push_back(p.facet);
+    }
+  }
+  return Eigen::Map<const Triangles>(corners.data(), static_cast<Eigen::Index>(corners.size() / 3), 3);
+}
+
+std::vector<double> RestrictedPowerDiagram::cell_areas() const {
+  std::vector<double> area(slot(num_sites()), 0.0);
+  for (Index f = 0; f < fragment_capacity(); ++f) {
+    if (alive(f)) area[slot(fragments_[slot(f)].site)] += polygon(f).area();
+  }
+  return area;
+}
+
+std::string RestrictedPowerDiagram::check() const {
+  const auto name = [](Index f) { return "fragment " + std::to_string(f); };
+  Index live = 0;
+  Clipper clipper(*this);
+  std::vector<Index> around;
+  for (Index f = 0; f < fragment_capacity(); ++f) {
+    if (!alive(f)) continue;
+    ++live;
+    const Polygon p = polygon(f);
+    if (p.size < 3) return name(f) + ": fewer than 3 corners";
+    for (Index k = 0; k < p.size; ++k) {
+      const Index label = p.labels[k];
+      if (label < mesh_edge_label(2) || label >= num_sites()) return name(f) + ": label out of range";
+      if (std::count(p.labels, p.labels + p.size, label) != 1) return name(f) + ": label twice";
+      if (!is_site(label)) continue;
+      Index twin = first_of_facet(p.facet);
+      while (twin != kNone && fragments_[slot(twin)].site != label) twin = next_of_facet(twin);
+      if (twin == kNone) return name(f) + ": nothing beyond label " + std::to_string(label);
+      const Polygon q = polygon(twin);
+      if (std::count(q.labels, q.labels + q.size, p.site) != 1) return name(f) + ": label not mutual";
+    }
+    // Clipping again by every neighbour must cut nothing off.
+    neighbors(p.site, around);
+    clipper.set_facet(p.facet);
+    clipper.load(p);
+    for (const Index other : around) {
+      if (std::find(p.labels, p.labels + p.size, other) == p.labels + p.size && clipper.clip(other)) {
+        return name(f) + ": reaches over the bisector with " + std::to_string(other);
+      }
+    }
+  }
+  if (live != num_fragments_) return "fragment count is off";
+  for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
+    double sum = 0;
+    for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f)) {
+      if (fragments_[slot(f)].facet != facet || !alive(f)) return "facet list of " + std::to_string(facet) + " is broken";
+      sum += polygon(f).area();
+    }
+    const Vec3 a = mesh_.corner(facet, 0), b = mesh_.corner(facet, 1), c = mesh_.corner(facet, 2);
+    const double area = 0.5 * (b - a).cross(c - a).norm();
+    const double longest = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+    if (std::fabs(sum - area) > 1e-9 * area + 1e-12 * longest) return "fragments of facet " + std::to_string(facet) + " do not tile it";
+  }
+  return "";
+}
+
+}  // namespace amps

@@ -1,0 +1,139 @@
+// power_diagram.h: the restricted power diagram (RPD) of weighted sites on a triangle mesh — for each facet, which part of it is
+// nearest in power to which site — exact, and updated locally when a site is inserted.
+//
+// The intersection of a facet with a site's power cell is a convex polygon, a *fragment*. Fragments are found facet by facet, by
+// clipping the facet with the bisectors of an owner and its neighbours in the regular triangulation and flooding to the owners
+// on the other side (Yan, Lévy, Liu, Sun & Wang, "Isotropic remeshing with fast and exact computation of restricted Voronoi
+// diagram", 2009). Facets need no adjacency: soups, open, non-manifold and inconsistently oriented meshes are fine.
+//
+// Exactness. A polygon is a cycle of edge labels (a mesh edge or the site beyond a bisector); its vertices are symbolic, and every
+// side they take of a bisector is decided exactly (predicates.h). So the fragments of a facet tile it without crack or overlap, a
+// site j labels an edge of a fragment of i iff i labels the same edge of a fragment of j, and three fragments meet at every
+// vertex inside a facet. Coordinates are derived for output and measures only; all fragments at a vertex have the same bits.
+//
+// Thread-safety: const members may be called concurrently.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/mesh.h"
+#include "amps/triangulation.h"
+
+#include <string>
+#include <vector>
+
+namespace amps {
+
+class RestrictedPowerDiagram {
+ public:
+  /// Label of a polygon edge: a site (≥ 0), or a mesh edge e of the facet, from its corner e to corner e + 1 (mod 3).
+  static constexpr Index mesh_edge_label(int e) { return -1 - e; }
+  static constexpr bool is_site(Index label) { return label >= 0; }
+  static constexpr int mesh_edge(Index label) { return -1 - label; }
+
+  /// A fragment. Corner k lies between edges k − 1 and k; edge k runs from corner k to corner k + 1; counter-clockwise in the
+  /// facet's own orientation. The view is valid until the next insertion.
+  struct Polygon {
+    Index facet = kNone;
+    Index site = kNone;
+    const Vec3* corners = nullptr;
+    const Index* labels = nullptr;
+    Index size = 0;
+    /// Area, absolute units.
+    double area() const;
+  };
+
+  /// The diagram of the given sites (#S by 3, #S weights; ids are rows). Views are not copied: the mesh's buffers must outlive
+  /// the diagram. Facets with exactly collinear corners are skipped.
+  /// Throws Error: kInvalidMesh (require_usable), kInvalidArgument (a site not finite, no site at all).
+  /// Expected O(n log n + #fragments); facets are split over `threads` (0: one per core) with the same result for any number.
+  RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights,
+                         unsigned threads = 1, const Progress& progress = {});
+
+  Index num_sites() const { return triangulation_.num_vertices() - kSentinels; }
+  const WeightedPoint& site(Index s) const { return triangulation_.point(s + kSentinels); }
+  /// False if others dominate the site everywhere in space (its power cell is empty), or it is a duplicate.
+  bool visible(Index s) const { return triangulation_.state(s + kSentinels) == RegularTriangulation::VertexState::kVisible; }
+  const MeshView& mesh() const { return mesh_; }
+
+  /// Fragments live in slots with holes: visit f in [0, fragment_capacity()) with alive(f).
+  Index fragment_capacity() const { return static_cast<Index>(fragments_.size()); }
+  Index num_fragments() const { return num_fragments_; }
+  bool alive(Index f) const { return fragments_[static_cast<std::size_t>(f)].size != 0; }
+  Polygon polygon(Index f) const;
+
+  /// The fragments of a site (of a facet), as a linked list ending with kNone.
+  Index first_of_site(Index s) const { return first_of_site_[static_cast<std::size_t>(s)]; }
+  Index next_of_site(Index f) const { return fragments_[static_cast<std::size_t>(f)].next_of_site; }
+  Index first_of_facet(Index facet) const { return first_of_facet_[static_cast<std::size_t>(facet)]; }
+  Index next_of_facet(Index f) const { return fragments_[static_cast<std::size_t>(f)].next_of_facet; }
+
+  /// Inserts a site and updates the fragments of its neighbours; returns its id, num_sites() before. `near`: a site close to it
+  /// (kNone: anywhere). Expected O(1) with a good hint on Poisson-disk-like sets. Throws Error(kInvalidArgument) if not finite.
+  Index insert(const Vec3& position, double weight, Index near = kNone);
+
+  /// Slots of fragments that the last insert() created, changed or freed (then not alive), in a fixed order, each once.
+  const std::vector<Index>& changed() const { return changed_; }
+
+  /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending.
+  void neighbors(Index s, std::vector<Index>& out) const;
+
+  /// One dual triangle for each vertex where three cells meet inside a facet: (i, j, k) counter-clockwise in the orientation of that
+  /// facet, i the smallest. `facets` (optional): the facet of each. A triple appears as often as its cells meet.
+  Triangles dual_triangles(std::vector<Index>* facets = nullptr) const;
+
+  /// Restricted cell area per site, absolute units; they sum to the mesh's area.
+  std::vector<double> cell_areas() const;
+
+  /// Re-proves the invariants: lists and polygons well formed, labels symmetric, fragments of a facet tile its area (relative
+  /// 1e-9), every corner nearest in power to its owner among the owner's neighbours. "" or the first violation. O(#fragments).
+  std::string check() const;
+
+ private:
+  /// Far sentinel sites come first in the triangulation: they own nothing on the mesh, and make every set three-dimensional.
+  static constexpr Index kSentinels = 4;
+
+  struct Fragment {
+    Index facet = kNone, site = kNone;
+    Index first = 0;  ///< of its corners and labels in the pools
+    Index size = 0;   ///< 0: free slot
+    Index capacity = 0;
+    Index next_of_site = kNone, previous_of_site = kNone;
+    Index next_of_facet = kNone, previous_of_facet = kNone;
+  };
+
+  /// A neighbour and a lower bound of where its bisector crosses the ray from the owner towards it, in distance from the owner.
+  struct Plane {
+    double offset;
+    Index site;
+  };
+
+  class Clipper;
+  struct Batch;
+
+  void triangulate(const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights);
+  void build(unsigned threads, const Progress& progress);
+  std::vector<Index> corner_owners(const std::vector<Index>& offset, const std::vector<Plane>& planes, Index first) const;
+  void flood_facet(Index facet, Index owner, const std::vector<Index>& offset, const std::vector<Plane>& planes, Clipper& clipper,
+                   Batch& batch) const;
+  Plane plane(Index owner, Index other) const;
+  void link(Index f);
+  void add_fragment(Index facet, Index site, const Clipper& clipper);
+  void store_polygon(Fragment& fragment, const Clipper& clipper);
+  void free_fragment(Index f);
+  void clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets);
+  void compact_pools();
+
+  MeshView mesh_;
+  RegularTriangulation triangulation_;
+  std::vector<Fragment> fragments_;
+  std::vector<Index> free_fragments_;
+  std::vector<Vec3> corners_;  ///< pools; a fragment that outgrows its room moves to the end
+  std::vector<Index> labels_;
+  std::size_t pool_garbage_ = 0;
+  std::vector<Index> first_of_site_;
+  std::vector<Index> first_of_facet_;
+  Index num_fragments_ = 0;
+  std::vector<Index> changed_;
+};
+
+}  // namespace amps
