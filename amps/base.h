@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>  // cross products
 
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -137,6 +138,20 @@ void parallel_for(std::size_t n, std::size_t grain, unsigned threads,
                   const std::function<void(std::size_t begin, std::size_t end)>& body);
 
 namespace detail {
+
+/// Wall-clock seconds since construction or the last lap().
+class Stopwatch {
+ public:
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const double seconds = std::chrono::duration<double>(now - start_).count();
+    start_ = now;
+    return seconds;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
 
 [[noreturn]] void assertion_failed(const char* condition, const char* file, int line);
 

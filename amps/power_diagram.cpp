@@ -215,7 +215,9 @@ RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const Point
     : mesh_(mesh) {
   require_usable(mesh);
   if (sites.rows() == 0) throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: no sites; give at least one");
+  detail::Stopwatch watch;
   triangulate(sites, weights);
+  seconds_triangulation_ = watch.lap();
   first_of_site_.assign(slot(num_sites()), kNone);
   first_of_facet_.assign(slot(mesh_.num_facets()), kNone);
   build(threads, progress);

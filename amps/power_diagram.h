@@ -84,6 +84,9 @@ class RestrictedPowerDiagram {
   /// Restricted cell area per site, absolute units; they sum to the mesh's area.
   std::vector<double> cell_areas() const;
 
+  /// Wall-clock seconds the constructor spent on the triangulation (the rest went into the fragments).
+  double seconds_triangulation() const { return seconds_triangulation_; }
+
   /// Re-proves the invariants: lists and polygons well formed, labels symmetric, fragments of a facet tile its area (relative
   /// 1e-9), every corner nearest in power to its owner among the owner's neighbours. "" or the first violation. O(#fragments).
   std::string check() const;
@@ -134,6 +137,7 @@ class RestrictedPowerDiagram {
   std::vector<Index> first_of_facet_;
   Index num_fragments_ = 0;
   std::vector<Index> changed_;
+  double seconds_triangulation_ = 0;
 };
 
 }  // namespace amps

@@ -8,8 +8,10 @@
 
 #include "amps/base.h"
 #include "amps/mesh.h"
+#include "amps/power_diagram.h"
 
 #include <iosfwd>
+#include <memory>
 #include <vector>
 
 namespace amps {
@@ -43,6 +45,7 @@ struct SamplingReport {
   std::uint64_t darts = 0;        ///< thrown in the first stage
   Index dart_samples = 0;         ///< samples after dart throwing
   Index gap_samples = 0;          ///< samples added by gap filling
+  Index unfilled_gaps = 0;        ///< gaps that hold no double at the wanted distance: 0 unless the mesh lies > 1e6·r from the origin
   int attempts = 1;               ///< sampling runs made to reach target_count
   double seconds_darts = 0;       ///< wall clock, all attempts
   double seconds_triangulation = 0;
@@ -66,8 +69,11 @@ SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
 /// max_rejections in a row fail. Poisson-disk, not maximal.
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options);
 
-/// The second stage alone, for a set made elsewhere: adds samples of the option's radius (default, 0: the smallest in
-/// `existing`) where the surface is uncovered until nothing is. Existing samples stay first, unchanged and in order.
+/// The second stage alone, for a set made elsewhere: adds samples where the surface is uncovered until nothing is. Existing
+/// samples stay first, unchanged and in order; those that are closer than they should be stay so. The radius of new samples is the
+/// option's (0: the smallest in `existing`) and must not exceed the smallest in `existing`, so that no new disk covers an old
+/// sample. Samples of `existing` without facet and barycentrics get facet kNone and zeros in the result.
+/// Errors as sample(), and kInvalidArgument if `existing` is empty or a radius is not positive.
 SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options);
 
 /// Certificate of a sample set, computed from a fresh restricted power diagram.
@@ -79,6 +85,7 @@ struct MaximalityReport {
   bool maximal(double tolerance = 1e-9) const { return worst_coverage <= 1 + tolerance; }
   bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
 };
+/// Throws Error(kInvalidArgument) if there is no sample, one is not finite or a radius is not positive; kInvalidMesh.
 MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
 std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
 
@@ -91,5 +98,20 @@ struct GapSet {
   double area = 0;             ///< exact uncovered area (less than that of the primitives)
 };
 GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
+
+namespace detail {
+
+/// sample(), and the diagram it ended with (null if cancelled before there was one).
+struct SamplingRun {
+  SamplingResult result;
+  std::unique_ptr<RestrictedPowerDiagram> diagram;
+};
+SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options);
+
+/// Throws what verify_maximal documents.
+RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, unsigned threads);
+MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram);
+
+}  // namespace detail
 
 }  // namespace amps

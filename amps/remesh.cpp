@@ -1,0 +1,140 @@
+#include "amps/remesh.h"
+
+#include "amps/power_diagram.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace amps {
+namespace detail {
+namespace {
+
+/// One side of a triangle, keyed by its undirected edge.
+struct HalfEdge {
+  std::uint64_t edge;
+  Index triangle;
+  bool forward;  ///< from the lower to the higher index
+};
+
+/// Dual triangles, each triple of sites once (the first met, in the order of fragments).
+Triangles unique_triples(const Triangles& triangles) {
+  struct Keyed {
+    std::array<Index, 3> sorted;
+    Index row;
+  };
+  std::vector<Keyed> keyed(static_cast<std::size_t>(triangles.rows()));
+  for (Index t = 0; t < triangles.rows(); ++t) {
+    Keyed& k = keyed[static_cast<std::size_t>(t)];
+    k = {{triangles(t, 0), triangles(t, 1), triangles(t, 2)}, t};
+    if (k.sorted[1] > k.sorted[2]) std::swap(k.sorted[1], k.sorted[2]);  // the first is the least already
+  }
+  std::sort(keyed.begin(), keyed.end(), [](const Keyed& a, const Keyed& b) {
+    return a.sorted != b.sorted ? a.sorted < b.sorted : a.row < b.row;
+  });
+  // In sorted order, so that the output does not depend on the history of the diagram.
+  Triangles result(triangles.rows(), 3);
+  Eigen::Index kept = 0;
+  for (std::size_t k = 0; k < keyed.size(); ++k) {
+    if (k == 0 || keyed[k].sorted != keyed[k - 1].sorted) result.row(kept++) = triangles.row(keyed[k].row);
+  }
+  return result.topRows(kept);
+}
+
+std::vector<HalfEdge> sorted_half_edges(const Triangles& triangles) {
+  std::vector<HalfEdge> half_edges;
+  half_edges.reserve(static_cast<std::size_t>(3 * triangles.rows()));
+  for (Index t = 0; t < triangles.rows(); ++t) {
+    for (int e = 0; e < 3; ++e) {
+      const Index a = triangles(t, e), b = triangles(t, (e + 1) % 3);
+      const auto low = static_cast<std::uint64_t>(std::min(a, b)), high = static_cast<std::uint64_t>(std::max(a, b));
+      half_edges.push_back({low << 32 | high, t, a < b});
+    }
+  }
+  std::sort(half_edges.begin(), half_edges.end(), [](const HalfEdge& a, const HalfEdge& b) {
+    return a.edge != b.edge ? a.edge < b.edge : a.triangle < b.triangle;
+  });
+  return half_edges;
+}
+
+/// Flips triangles so that manifold edges are traversed once in each direction, as far as the surface is orientable; per
+/// component (across manifold edges) the majority of the given orientations stays.
+void orient_consistently(Triangles& triangles) {
+  struct Link {
+    Index triangle;
+    bool same;  ///< both traverse the edge in opposite directions already
+  };
+  const std::vector<HalfEdge> half_edges = sorted_half_edges(triangles);
+  const std::size_t n = static_cast<std::size_t>(triangles.rows());
+  std::vector<std::array<Link, 3>> links(n, {Link{kNone, true}, Link{kNone, true}, Link{kNone, true}});
+  std::vector<std::uint8_t> link_count(n, 0);
+  for (std::size_t first = 0, last; first < half_edges.size(); first = last) {
+    for (last = first + 1; last < half_edges.size() && half_edges[last].edge == half_edges[first].edge;) ++last;
+    if (last - first != 2) continue;
+    const HalfEdge &a = half_edges[first], &b = half_edges[first + 1];
+    const auto ta = static_cast<std::size_t>(a.triangle), tb = static_cast<std::size_t>(b.triangle);
+    links[ta][link_count[ta]++] = {b.triangle, a.forward != b.forward};
+    links[tb][link_count[tb]++] = {a.triangle, a.forward != b.forward};
+  }
+  enum : std::uint8_t { kUnseen, kKept, kFlipped };
+  std::vector<std::uint8_t> decision(n, kUnseen);
+  std::vector<Index> component;
+  for (std::size_t seed = 0; seed < n; ++seed) {
+    if (decision[seed] != kUnseen) continue;
+    decision[seed] = kKept;
+    component.assign(1, static_cast<Index>(seed));
+    std::size_t flipped = 0;
+    for (std::size_t k = 0; k < component.size(); ++k) {
+      const auto t = static_cast<std::size_t>(component[k]);
+      flipped += decision[t] == kFlipped;
+      for (const Link& link : links[t]) {
+        if (link.triangle == kNone || decision[static_cast<std::size_t>(link.triangle)] != kUnseen) continue;
+        decision[static_cast<std::size_t>(link.triangle)] = (decision[t] == kKept) == link.same ? kKept : kFlipped;
+        component.push_back(link.triangle);
+      }
+    }
+    const std::uint8_t turn = 2 * flipped > component.size() ? kKept : kFlipped;
+    for (const Index t : component) {
+      if (decision[static_cast<std::size_t>(t)] == turn) std::swap(triangles(t, 1), triangles(t, 2));
+    }
+  }
+}
+
+Triangles restricted_triangles(const RestrictedPowerDiagram& diagram) {
+  Triangles triangles = unique_triples(diagram.dual_triangles());
+  orient_consistently(triangles);
+  return triangles;
+}
+
+}  // namespace
+}  // namespace detail
+
+Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, unsigned threads) {
+  return {samples.positions, detail::restricted_triangles(detail::diagram_of(mesh, samples, threads))};
+}
+
+RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
+  detail::SamplingRun run = detail::sample_with_diagram(mesh, options.sampling);
+  RemeshResult result;
+  result.status = run.result.status;
+  result.samples = std::move(run.result.samples);
+  result.report.sampling = run.result.report;
+  result.mesh.vertices = result.samples.positions;
+  result.mesh.triangles.resize(0, 3);
+  if (run.diagram == nullptr) return result;
+
+  detail::Stopwatch watch;
+  result.mesh.triangles = detail::restricted_triangles(*run.diagram);
+  result.report.seconds_remesh = watch.lap();
+  // Equal positions are one point to the surface; merging them changes neither area nor facets.
+  result.report.input = topology(merge_equal_vertices(mesh));
+  result.report.output = topology(result.mesh);
+  result.report.quality = quality(result.mesh);
+  result.report.maximality = detail::measure_maximality(*run.diagram);
+  result.report.seconds_report = watch.lap();
+  return result;
+}
+
+}  // namespace amps
