@@ -27,7 +27,9 @@
 #endif
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
-#elif defined(__GNUC__)
+#elif defined(__GNUC__) && defined(__FP_FAST_FMA) && !defined(AMPS_BUILT_WITHOUT_CONTRACTION)
+// Only where the target has FMA and our own build has not passed -ffp-contract=off: the pragma keeps GCC from inlining across
+// its border, which costs a third of the speed of the clipping code (measured, GCC 12).
 #pragma GCC optimize("fp-contract=off")
 #elif defined(_MSC_VER)
 #pragma fp_contract(off)
@@ -83,6 +85,15 @@ struct Approx {
 // ---------------------------------------------------------------------------------------------------------------------------
 // Integers of fixed width
 
+/// a·b = high·2^64 + the result, from 32-bit halves.
+inline std::uint64_t multiply_wide_portable(std::uint64_t a, std::uint64_t b, std::uint64_t& high) noexcept {
+  const std::uint64_t a0 = a & 0xffffffffu, a1 = a >> 32, b0 = b & 0xffffffffu, b1 = b >> 32;
+  const std::uint64_t p00 = a0 * b0, p01 = a0 * b1, p10 = a1 * b0;
+  const std::uint64_t middle = (p00 >> 32) + (p01 & 0xffffffffu) + (p10 & 0xffffffffu);
+  high = a1 * b1 + (p01 >> 32) + (p10 >> 32) + (middle >> 32);
+  return (middle << 32) | (p00 & 0xffffffffu);
+}
+
 #if defined(__SIZEOF_INT128__)
 __extension__ typedef unsigned __int128 UInt128;
 inline std::uint64_t multiply_wide(std::uint64_t a, std::uint64_t b, std::uint64_t& high) noexcept {
@@ -92,11 +103,7 @@ inline std::uint64_t multiply_wide(std::uint64_t a, std::uint64_t b, std::uint64
 }
 #else
 inline std::uint64_t multiply_wide(std::uint64_t a, std::uint64_t b, std::uint64_t& high) noexcept {
-  const std::uint64_t a0 = a & 0xffffffffu, a1 = a >> 32, b0 = b & 0xffffffffu, b1 = b >> 32;
-  const std::uint64_t p00 = a0 * b0, p01 = a0 * b1, p10 = a1 * b0;
-  const std::uint64_t middle = (p00 >> 32) + (p01 & 0xffffffffu) + (p10 & 0xffffffffu);
-  high = a1 * b1 + (p01 >> 32) + (p10 >> 32) + (middle >> 32);
-  return (middle << 32) | (p00 & 0xffffffffu);
+  return multiply_wide_portable(a, b, high);
 }
 #endif
 

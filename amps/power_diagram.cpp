@@ -19,6 +19,38 @@ constexpr double kSideRounding = 0x1p-48;
 /// Relative slack of plane offsets and of the security radius they are compared with.
 constexpr double kOffsetSlack = 1e-9;
 
+/// D_j(x) of predicates.h in doubles, for the many corners that are far from the bisector.
+class SideFilter {
+ public:
+  SideFilter(const WeightedPoint& owner, const WeightedPoint& other) noexcept
+      : difference_(other.position() - owner.position()),
+        sum_(other.position() + owner.position()),
+        weights_(owner.w - other.w),
+        gradient_(difference_.cwiseAbs().sum()),
+        weight_error_(kSideRounding * std::fabs(weights_)) {}
+
+  /// The side of x, known to `error` (which must include kPositionRounding of the coordinates: the sum above has that rounding
+  /// too), if x is farther from the bisector than all errors, else 0.
+  int side(const Vec3& x, double error) const noexcept {
+    const double tx = sum_.x() - 2 * x.x(), ty = sum_.y() - 2 * x.y(), tz = sum_.z() - 2 * x.z();
+    const double value = (difference_.x() * tx + difference_.y() * ty + difference_.z() * tz) + weights_;
+    // |∇D| = 2|p_j − p_i|; the 1-norm bounds it from above.
+    const double span = std::fabs(tx) + std::fabs(ty) + std::fabs(tz);
+    const double margin = gradient_ * (2 * error + kSideRounding * span) + weight_error_;
+    return value > margin ? 1 : (-value > margin ? -1 : 0);
+  }
+
+ private:
+  Vec3 difference_, sum_;
+  double weights_, gradient_, weight_error_;
+};
+
+/// Order of a site's planes; ties by site, so that nothing depends on the sort.
+template <class Plane>
+bool nearer_plane(const Plane& a, const Plane& b) noexcept {
+  return a.offset != b.offset ? a.offset < b.offset : a.site < b.site;
+}
+
 }  // namespace
 }  // namespace detail
 
@@ -37,20 +69,13 @@ class RestrictedPowerDiagram::Clipper {
  public:
   explicit Clipper(const RestrictedPowerDiagram& diagram) : diagram_(diagram) {}
 
-  /// False if the facet has no area.
-  bool set_facet(Index facet) {
+  void set_facet(Index facet) {
     const MeshView& mesh = diagram_.mesh_;
     for (int c = 0; c < 3; ++c) {
       vertex_[slot(c)] = mesh.triangles(facet, c);
       corner_[c] = mesh.position(vertex_[slot(c)]);
     }
-    double longest = 0, largest = 0;
-    for (int c = 0; c < 3; ++c) {
-      longest = std::max(longest, (corner(c) - corner((c + 1) % 3)).squaredNorm());
-      largest = std::max(largest, corner(c).cwiseAbs().maxCoeff());
-    }
-    position_error_ = detail::kPositionError * std::sqrt(longest) + detail::kPositionRounding * largest;
-    return !collinear(corner_[0], corner_[1], corner_[2]);
+    position_error_ = diagram_.facet_error_[slot(facet)];
   }
 
   /// The whole facet, owned by `site`.
@@ -65,6 +90,7 @@ class RestrictedPowerDiagram::Clipper {
   }
 
   void load(const Polygon& polygon) {
+    set_facet(polygon.facet);
     set_owner(polygon.site);
     corners_.assign(polygon.corners, polygon.corners + polygon.size);
     labels_.assign(polygon.labels, polygon.labels + polygon.size);
@@ -74,10 +100,11 @@ class RestrictedPowerDiagram::Clipper {
   bool clip(Index other) {
     const std::size_t n = corners_.size();
     const WeightedPoint& site = diagram_.site(other);
+    const detail::SideFilter filter(*owner_, site);
     bool any_inside = false, any_outside = false;
     sides_.resize(n);
     for (std::size_t k = 0; k < n; ++k) {
-      sides_[k] = static_cast<signed char>(approximate_side(corners_[k], site));
+      sides_[k] = static_cast<signed char>(filter.side(corners_[k], position_error_));
       if (sides_[k] == 0) sides_[k] = static_cast<signed char>(exact_side(k, site));
       (sides_[k] > 0 ? any_inside : any_outside) = true;
     }
@@ -118,20 +145,6 @@ class RestrictedPowerDiagram::Clipper {
     double farthest = 0;
     for (const Vec3& x : corners_) farthest = std::max(farthest, (x - owner_position_).squaredNorm());
     return std::sqrt(farthest) * (1 + detail::kOffsetSlack) + position_error_;
-  }
-
-  /// The side of a computed corner if its distance to the bisector exceeds all errors, else 0.
-  int approximate_side(const Vec3& x, const WeightedPoint& site) const {
-    const double ax = site.x - x.x(), ay = site.y - x.y(), az = site.z - x.z();
-    const double bx = owner_->x - x.x(), by = owner_->y - x.y(), bz = owner_->z - x.z();
-    const double dx = site.x - owner_->x, dy = site.y - owner_->y, dz = site.z - owner_->z;
-    const double dw = owner_->w - site.w;
-    const double value = (dx * (ax + bx) + dy * (ay + by) + dz * (az + bz)) + dw;
-    // |∇D| = 2|d|; |·|₁ bounds |·|₂ from above.
-    const double d = std::fabs(dx) + std::fabs(dy) + std::fabs(dz);
-    const double span = std::fabs(ax) + std::fabs(ay) + std::fabs(az) + std::fabs(bx) + std::fabs(by) + std::fabs(bz);
-    const double margin = d * (2 * position_error_ + detail::kSideRounding * span) + detail::kSideRounding * std::fabs(dw);
-    return value > margin ? 1 : (-value > margin ? -1 : 0);
   }
 
   int exact_side(std::size_t k, const WeightedPoint& site) const {
@@ -220,6 +233,7 @@ RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const Point
   seconds_triangulation_ = watch.lap();
   first_of_site_.assign(slot(num_sites()), kNone);
   first_of_facet_.assign(slot(mesh_.num_facets()), kNone);
+  measure_facets();
   build(threads, progress);
 }
 
@@ -255,6 +269,23 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const Eigen::R
   triangulation_.insert(positions, all_weights);
 }
 
+/// Bounds of the error of computed corners per facet; −1 for facets without area.
+void RestrictedPowerDiagram::measure_facets() {
+  facet_error_.resize(slot(mesh_.num_facets()));
+  for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
+    double longest = 0, largest = 0;
+    for (int c = 0; c < 3; ++c) {
+      const Vec3 corner = mesh_.corner(facet, c);
+      longest = std::max(longest, (corner - mesh_.corner(facet, (c + 1) % 3)).squaredNorm());
+      largest = std::max(largest, corner.cwiseAbs().maxCoeff());
+    }
+    const auto position = [&](int c) { return mesh_.position(mesh_.triangles(facet, c)); };
+    facet_error_[slot(facet)] = collinear(position(0), position(1), position(2))
+                                    ? -1.0
+                                    : detail::kPositionError * std::sqrt(longest) + detail::kPositionRounding * largest;
+  }
+}
+
 RestrictedPowerDiagram::Plane RestrictedPowerDiagram::plane(Index owner, Index other) const {
   const WeightedPoint &p = site(owner), &q = site(other);
   const double d2 = (q.position() - p.position()).squaredNorm();
@@ -262,26 +293,23 @@ RestrictedPowerDiagram::Plane RestrictedPowerDiagram::plane(Index owner, Index o
   return {((d2 + dw) - detail::kOffsetSlack * (d2 + std::fabs(dw))) / (2 * std::sqrt(d2)), other};
 }
 
-void RestrictedPowerDiagram::build(unsigned threads, const Progress& progress) {
-  const RegularTriangulation::Adjacency adjacency = triangulation_.adjacency();
-  std::vector<Index> offset(slot(num_sites()) + 1, 0);
-  std::vector<Plane> planes;
-  planes.reserve(adjacency.adjacent.size());
+RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes() const {
+  const RegularTriangulation::Adjacency around = adjacency();
+  PlaneTable table;
+  table.offset = around.offset;
+  table.planes.reserve(around.adjacent.size());
   for (Index s = 0; s < num_sites(); ++s) {
-    const Index first = adjacency.offset[slot(s + kSentinels)], last = adjacency.offset[slot(s + kSentinels) + 1];
-    for (Index k = first; k < last; ++k) {
-      const Index other = adjacency.adjacent[slot(k)] - kSentinels;
-      if (other >= 0) planes.push_back(plane(s, other));
+    for (Index k = around.offset[slot(s)]; k < around.offset[slot(s) + 1]; ++k) {
+      table.planes.push_back(plane(s, around.adjacent[slot(k)]));
     }
-    std::sort(planes.begin() + offset[slot(s)], planes.end(), [](const Plane& a, const Plane& b) {
-      return a.offset != b.offset ? a.offset < b.offset : a.site < b.site;
-    });
-    offset[slot(s) + 1] = static_cast<Index>(planes.size());
+    std::sort(table.planes.begin() + around.offset[slot(s)], table.planes.end(), detail::nearer_plane<Plane>);
   }
-  Index first_visible = 0;
-  while (!visible(first_visible)) ++first_visible;
-  const std::vector<Index> owner = corner_owners(offset, planes, first_visible);
+  return table;
+}
 
+void RestrictedPowerDiagram::build(unsigned threads, const Progress& progress) {
+  const PlaneTable planes = all_planes();
+  const std::vector<Index> owner = corner_owners(planes);
   constexpr std::size_t kFacetsPerBatch = 4096;
   const std::size_t num_facets = slot(mesh_.num_facets());
   std::vector<Batch> batches((num_facets + kFacetsPerBatch - 1) / kFacetsPerBatch);
@@ -292,47 +320,79 @@ void RestrictedPowerDiagram::build(unsigned threads, const Progress& progress) {
     batch.last_seen.assign(slot(num_sites()), kNone);
     Clipper clipper(*this);
     for (std::size_t f = begin; f < end; ++f) {
+      if (facet_error_[f] < 0) continue;
       const Index facet = static_cast<Index>(f);
-      if (clipper.set_facet(facet)) flood_facet(facet, owner[slot(mesh_.triangles(facet, 0))], offset, planes, clipper, batch);
+      clipper.set_facet(facet);
+      flood_facet(facet, owner[slot(mesh_.triangles(facet, 0))], planes, clipper, batch);
     }
     batch.last_seen = {};
     done += end - begin;
     progress.report("restricted power diagram", static_cast<double>(done) / static_cast<double>(num_facets));
   });
+  assemble(batches);
+}
 
-  std::size_t num_fragments = 0, num_corners = 0;
+/// Puts the fragments of all facets together, each site's side by side and sites in the order in which facets meet them: local
+/// updates look at all fragments of a few sites, and would otherwise spend their time on cache misses.
+void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
+  std::vector<Index> count(slot(num_sites()), 0), site_order;
+  std::size_t num_corners = 0;
   for (const Batch& batch : batches) {
-    num_fragments += batch.entries.size();
     num_corners += batch.corners.size();
+    for (const Batch::Entry& entry : batch.entries) {
+      if (count[slot(entry.site)]++ == 0) site_order.push_back(entry.site);
+    }
   }
-  fragments_.reserve(num_fragments + num_fragments / 4);
+  std::vector<Index> next(slot(num_sites()), 0);
+  for (const Index s : site_order) {
+    next[slot(s)] = num_fragments_;
+    num_fragments_ += count[slot(s)];
+  }
+  fragments_.reserve(slot(num_fragments_) + slot(num_fragments_) / 4);
+  fragments_.resize(slot(num_fragments_));
   corners_.reserve(num_corners + num_corners / 2);
   labels_.reserve(num_corners + num_corners / 2);
-  for (Batch& batch : batches) {
-    Index first = static_cast<Index>(corners_.size());
+  std::vector<std::pair<const Batch*, Index>> source(slot(num_fragments_));
+  for (const Batch& batch : batches) {
+    Index first = 0;
     for (const Batch::Entry& entry : batch.entries) {
-      const Index f = static_cast<Index>(fragments_.size());
-      Fragment fragment;
+      const Index f = next[slot(entry.site)]++;
+      Fragment& fragment = fragments_[slot(f)];
       fragment.facet = entry.facet;
       fragment.site = entry.site;
-      fragment.first = first;
       fragment.size = fragment.capacity = entry.size;
+      source[slot(f)] = {&batch, first};
       first += entry.size;
-      fragments_.push_back(fragment);
-      link(f);
     }
-    corners_.insert(corners_.end(), batch.corners.begin(), batch.corners.end());
-    labels_.insert(labels_.end(), batch.labels.begin(), batch.labels.end());
-    batch = {};
   }
-  num_fragments_ = static_cast<Index>(fragments_.size());
+  for (Index f = num_fragments_ - 1; f >= 0; --f) link(f);  // backwards: lists run forwards
+  for (Index f = 0; f < num_fragments_; ++f) {
+    Fragment& fragment = fragments_[slot(f)];
+    const auto [batch, first] = source[slot(f)];
+    fragment.first = static_cast<Index>(corners_.size());
+    corners_.insert(corners_.end(), batch->corners.begin() + first, batch->corners.begin() + first + fragment.size);
+    labels_.insert(labels_.end(), batch->labels.begin() + first, batch->labels.begin() + first + fragment.size);
+  }
+  reach_.resize(slot(num_sites()));
+  for (Index s = 0; s < num_sites(); ++s) update_reach(s);
+}
+
+void RestrictedPowerDiagram::update_reach(Index s) {
+  const Vec3 position = site(s).position();
+  double farthest = 0, error = 0;
+  for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
+    const Polygon p = polygon(f);
+    for (Index k = 0; k < p.size; ++k) farthest = std::max(farthest, (p.corners[k] - position).squaredNorm());
+    error = std::max(error, facet_error_[slot(p.facet)]);
+  }
+  reach_[slot(s)] = std::sqrt(farthest) * (1 + detail::kOffsetSlack) + error;
 }
 
 /// The owner of every mesh vertex that a facet uses, found by walking from the last one over ever nearer neighbours.
-std::vector<Index> RestrictedPowerDiagram::corner_owners(const std::vector<Index>& offset, const std::vector<Plane>& planes,
-                                                         Index first) const {
+std::vector<Index> RestrictedPowerDiagram::corner_owners(const PlaneTable& planes) const {
   std::vector<Index> owner(slot(mesh_.num_vertices()), kNone);
-  Index near = first;
+  Index near = 0;
+  while (!visible(near)) ++near;
   for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
     for (int c = 0; c < 3; ++c) {
       const Index known = owner[slot(mesh_.triangles(facet, c))];
@@ -343,11 +403,15 @@ std::vector<Index> RestrictedPowerDiagram::corner_owners(const std::vector<Index
       if (found != kNone) continue;
       const double* const x = mesh_.position(mesh_.triangles(facet, c));
       const double* const corners[3] = {x, x, x};
+      const Vec3 position(x[0], x[1], x[2]);
+      const double error = detail::kPositionRounding * position.cwiseAbs().maxCoeff();
       for (bool moved = true; moved;) {
         moved = false;
-        for (Index k = offset[slot(near)]; k < offset[slot(near) + 1] && !moved; ++k) {
-          const Index other = planes[slot(k)].site;
-          if (side_of_corner(corners, 0, Bisector(site(near), site(other), corners)) < 0) {
+        for (const Plane *plane = planes.begin(near), *end = planes.end(near); plane != end && !moved; ++plane) {
+          const Index other = plane->site;
+          int side = detail::SideFilter(site(near), site(other)).side(position, error);
+          if (side == 0) side = side_of_corner(corners, 0, Bisector(site(near), site(other), corners));
+          if (side < 0) {
             near = other;
             moved = true;
           }
@@ -359,14 +423,14 @@ std::vector<Index> RestrictedPowerDiagram::corner_owners(const std::vector<Index
   return owner;
 }
 
-void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const std::vector<Index>& offset,
-                                         const std::vector<Plane>& planes, Clipper& clipper, Batch& batch) const {
+void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTable& planes, Clipper& clipper,
+                                         Batch& batch) const {
   batch.queue.assign(1, owner);
   batch.last_seen[slot(owner)] = facet;
   for (std::size_t k = 0; k < batch.queue.size(); ++k) {
     const Index s = batch.queue[k];
     clipper.start(s);
-    clipper.clip_all(planes.data() + offset[slot(s)], planes.data() + offset[slot(s) + 1]);
+    clipper.clip_all(planes.begin(s), planes.end(s));
     AMPS_ASSERT(!clipper.empty());
     batch.entries.push_back({facet, s, static_cast<Index>(clipper.corners().size())});
     batch.corners.insert(batch.corners.end(), clipper.corners().begin(), clipper.corners().end());
@@ -472,18 +536,16 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
   const Index hint = near == kNone || !visible(near) ? kNone : triangulation_.incident_cell(near + kSentinels);
   const Index s = triangulation_.insert(position, weight, hint) - kSentinels;
   first_of_site_.push_back(kNone);
+  reach_.push_back(0);
   changed_.clear();
   if (!visible(s)) return s;
 
   // The new cell takes its place from its neighbours and from the sites it has hidden, and from nobody else.
-  std::vector<Index> around;
-  neighbors(s, around);
   std::vector<Plane> planes;
-  planes.reserve(around.size());
-  for (const Index other : around) planes.push_back(plane(s, other));
-  std::sort(planes.begin(), planes.end(), [](const Plane& a, const Plane& b) {
-    return a.offset != b.offset ? a.offset < b.offset : a.site < b.site;
-  });
+  for (const Index v : triangulation_.neighbors_of_last_insertion()) {
+    if (v >= kSentinels) planes.push_back(plane(s, v - kSentinels));
+  }
+  std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
   Clipper clipper(*this);
   std::vector<Index> facets;
   for (const Plane& plane : planes) clip_fragments_of(plane.site, s, clipper, facets);
@@ -499,6 +561,7 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
     AMPS_ASSERT(!clipper.empty());
     add_fragment(facet, s, clipper);
   }
+  update_reach(s);
   compact_pools();
   // A slot freed and used again is listed twice.
   std::sort(changed_.begin(), changed_.end());
@@ -508,12 +571,23 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
 
 /// Takes the cell of `by` off the fragments of `site`, and lists the facets where it took something.
 void RestrictedPowerDiagram::clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets) {
+  if (plane(site, by).offset > reach_[slot(site)]) return;
+  const detail::SideFilter filter(this->site(site), this->site(by));
+  bool any_clipped = false;
   for (Index f = first_of_site(site); f != kNone;) {
     const Index next = next_of_site(f);
     const Polygon polygon = this->polygon(f);
-    clipper.set_facet(polygon.facet);
+    bool surely_kept = true;
+    for (Index k = 0; k < polygon.size && surely_kept; ++k) {
+      surely_kept = filter.side(polygon.corners[k], facet_error_[slot(polygon.facet)]) > 0;
+    }
+    if (surely_kept) {
+      f = next;
+      continue;
+    }
     clipper.load(polygon);
     if (clipper.clip(by)) {
+      any_clipped = true;
       facets.push_back(polygon.facet);
       changed_.push_back(f);
       if (clipper.empty()) {
@@ -524,6 +598,7 @@ void RestrictedPowerDiagram::clip_fragments_of(Index site, Index by, Clipper& cl
     }
     f = next;
   }
+  if (any_clipped) update_reach(site);
 }
 
 void RestrictedPowerDiagram::neighbors(Index s, std::vector<Index>& out) const {
@@ -533,6 +608,20 @@ void RestrictedPowerDiagram::neighbors(Index s, std::vector<Index>& out) const {
     if (v >= kSentinels) out[kept++] = v - kSentinels;
   }
   out.resize(kept);
+}
+
+RegularTriangulation::Adjacency RestrictedPowerDiagram::adjacency() const {
+  RegularTriangulation::Adjacency all = triangulation_.adjacency(), result;
+  result.offset.assign(1, 0);
+  result.offset.reserve(slot(num_sites()) + 1);
+  result.adjacent.reserve(all.adjacent.size());
+  for (std::size_t v = kSentinels; v + 1 < all.offset.size(); ++v) {
+    for (Index k = all.offset[v]; k < all.offset[v + 1]; ++k) {
+      if (all.adjacent[slot(k)] >= kSentinels) result.adjacent.push_back(all.adjacent[slot(k)] - kSentinels);
+    }
+    result.offset.push_back(static_cast<Index>(result.adjacent.size()));
+  }
+  return result;
 }
 
 // ---------------------------------------------------------------------------------------------------------------------------
@@ -585,7 +674,6 @@ std::string RestrictedPowerDiagram::check() const {
     }
     // Clipping again by every neighbour must cut nothing off.
     neighbors(p.site, around);
-    clipper.set_facet(p.facet);
     clipper.load(p);
     for (const Index other : around) {
       if (std::find(p.labels, p.labels + p.size, other) == p.labels + p.size && clipper.clip(other)) {

@@ -76,6 +76,8 @@ class RestrictedPowerDiagram {
 
   /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending.
   void neighbors(Index s, std::vector<Index>& out) const;
+  /// The same for all sites at once.
+  RegularTriangulation::Adjacency adjacency() const;
 
   /// One dual triangle for each vertex where three cells meet inside a facet: (i, j, k) counter-clockwise in the orientation of that
   /// facet, i the smallest. `facets` (optional): the facet of each. A triple appears as often as its cells meet.
@@ -110,14 +112,25 @@ class RestrictedPowerDiagram {
     Index site;
   };
 
+  /// The planes of all sites, each site's in increasing order of offset.
+  struct PlaneTable {
+    std::vector<Index> offset;  ///< of a site's planes in `planes`; one entry more than sites
+    std::vector<Plane> planes;
+    const Plane* begin(Index s) const { return planes.data() + offset[static_cast<std::size_t>(s)]; }
+    const Plane* end(Index s) const { return planes.data() + offset[static_cast<std::size_t>(s) + 1]; }
+  };
+
   class Clipper;
   struct Batch;
 
   void triangulate(const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights);
   void build(unsigned threads, const Progress& progress);
-  std::vector<Index> corner_owners(const std::vector<Index>& offset, const std::vector<Plane>& planes, Index first) const;
-  void flood_facet(Index facet, Index owner, const std::vector<Index>& offset, const std::vector<Plane>& planes, Clipper& clipper,
-                   Batch& batch) const;
+  PlaneTable all_planes() const;
+  std::vector<Index> corner_owners(const PlaneTable& planes) const;
+  void flood_facet(Index facet, Index owner, const PlaneTable& planes, Clipper& clipper, Batch& batch) const;
+  void assemble(std::vector<Batch>& batches);
+  void update_reach(Index s);
+  void measure_facets();
   Plane plane(Index owner, Index other) const;
   void link(Index f);
   void add_fragment(Index facet, Index site, const Clipper& clipper);
@@ -135,6 +148,8 @@ class RestrictedPowerDiagram {
   std::size_t pool_garbage_ = 0;
   std::vector<Index> first_of_site_;
   std::vector<Index> first_of_facet_;
+  std::vector<double> facet_error_;
+  std::vector<double> reach_;  ///< by site: not less than the distance to any corner of its fragments
   Index num_fragments_ = 0;
   std::vector<Index> changed_;
   double seconds_triangulation_ = 0;

@@ -360,6 +360,9 @@ namespace {
 /// radii, where it means 1e-11 of a radius: well below the certificate's tolerance.
 constexpr double kCoordinateTolerance = 0x1p-46;
 
+/// May a sum of terms divide each of them? Its bound covers theirs. Strictly less: false for infinities and NaN on both sides.
+bool accurate_enough(const Approx& sum) noexcept { return sum.error < kCoordinateTolerance * std::fabs(sum.value); }
+
 template <int N>
 double ratio(const Int<N>& numerator, const Int<N>& denominator) noexcept {
   int en, ed;
@@ -376,7 +379,7 @@ double clamp01(double t) noexcept { return t < 0 ? 0 : (t > 1 ? 1 : t); }
 std::array<double, 2> edge_crossing_coordinates(const double* const corners[3], int u, int v, const Bisector& j) noexcept {
   const Approx du = j.at_corner[static_cast<std::size_t>(u)], dv = j.at_corner[static_cast<std::size_t>(v)];
   const Approx difference = du - dv;
-  if (difference.error <= detail::kCoordinateTolerance * std::fabs(difference.value)) {
+  if (detail::accurate_enough(difference)) {
     return {detail::clamp01(-dv.value / difference.value), detail::clamp01(du.value / difference.value)};
   }
   const double* const ends[3] = {corners[u], corners[v], corners[v]};
@@ -402,8 +405,7 @@ Vec3 facet_crossing_coordinates(const double* const corners[3], const WeightedPo
     const Bisector a(*site[0], *site[1], corners), b(*site[0], *site[2], corners);
     const detail::CrossProduct<Approx> lambda(a.at_corner.data(), b.at_corner.data());
     const Approx sum = lambda.sum();
-    const double worst = std::max({lambda.at[0].error, lambda.at[1].error, lambda.at[2].error, sum.error});
-    if (worst <= detail::kCoordinateTolerance * std::fabs(sum.value)) {
+    if (detail::accurate_enough(sum)) {
       return {detail::clamp01(lambda.at[0].value / sum.value), detail::clamp01(lambda.at[1].value / sum.value),
               detail::clamp01(lambda.at[2].value / sum.value)};
     }

@@ -389,7 +389,7 @@ namespace {
 double worst_separation_of(const RestrictedPowerDiagram& diagram) {
   const Index n = diagram.num_sites();
   double best = INFINITY;
-  std::vector<Index> around;
+  const RegularTriangulation::Adjacency around = diagram.adjacency();
   const auto ratio = [&](Index i, Index j) {
     const WeightedPoint &p = diagram.site(i), &q = diagram.site(j);
     return (p.position() - q.position()).norm() / std::sqrt(std::max(p.w, q.w));
@@ -401,8 +401,9 @@ double worst_separation_of(const RestrictedPowerDiagram& diagram) {
     least = std::min(least, diagram.site(i).w);
     greatest = std::max(greatest, diagram.site(i).w);
     all_visible = all_visible && diagram.visible(i);
-    diagram.neighbors(i, around);
-    for (const Index j : around) best = std::min(best, ratio(i, j));
+    for (Index k = around.offset[static_cast<std::size_t>(i)]; k < around.offset[static_cast<std::size_t>(i) + 1]; ++k) {
+      best = std::min(best, ratio(i, around.adjacent[static_cast<std::size_t>(k)]));
+    }
   }
   if (all_visible && least == greatest) return best;
   Points positions(n, 3);

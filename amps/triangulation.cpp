@@ -383,6 +383,7 @@ void RegularTriangulation::start_simplex(const std::array<Index, 4>& corner) {
 Index RegularTriangulation::insert(const Vec3& position, double weight, Index hint) {
   const Index v = num_vertices();
   append_points(position.transpose(), &weight);
+  hidden_by_last_.clear();
   if (dimension_ < 3) {
     if (extend_basis(v)) bulk_insert(v);
     return v;
@@ -390,7 +391,10 @@ Index RegularTriangulation::insert(const Vec3& position, double weight, Index hi
   if (hint == kNone || hint >= cell_capacity() || !cell(hint).alive()) hint = last_cell_;
   last_cell_ = insert_vertex(v, hint);
   if (state(v) == VertexState::kDuplicate) vertex_cell_[at(v)] = kNone;
-  if (state(v) != VertexState::kVisible) unplaced_.push_back(v);
+  if (state(v) != VertexState::kVisible) {
+    hidden_by_last_.push_back(v);
+    unplaced_.push_back(v);
+  }
   place_hidden(last_cell_);
   return v;
 }
@@ -398,7 +402,7 @@ Index RegularTriangulation::insert(const Vec3& position, double weight, Index hi
 /// Returns a cell near v. A duplicate gets its twin as vertex_cell_, for the caller to settle who keeps the lower id.
 Index RegularTriangulation::insert_vertex(Index v, Index hint) {
   const WeightedPoint q = point(v);
-  const Index start = walk(q, hint);
+  const Index start = walk(q, hint, bounds_.orientation);
   const Cell& home = cell(start);
   for (const Index u : home.vertex) {
     if (u != kInfinite && same_position(point(u), q) && point(u).w == q.w) {
@@ -435,7 +439,7 @@ bool RegularTriangulation::in_conflict(Index c, const WeightedPoint& q) const {
 
 /// Visibility walk: cross any face that separates the cell from q. It never cycles in a regular triangulation (Edelsbrunner,
 /// "An acyclicity theorem for cell complexes", 1989).
-Index RegularTriangulation::walk(const WeightedPoint& q, Index start) const {
+Index RegularTriangulation::walk(const WeightedPoint& q, Index start, double orientation_bound) const {
   Index c = start;
   if (cell(c).ghost()) c = cell(c).neighbor[3] >> 2;
   int entry = -1;
@@ -448,7 +452,7 @@ Index RegularTriangulation::walk(const WeightedPoint& q, Index start) const {
       if (f == entry) continue;
       const int* face = kFaceCorners[f];
       // Counter-clockwise seen from outside: positive means q is beyond it.
-      if (orient3d(*p[face[0]], *p[face[1]], *p[face[2]], q, bounds_.orientation) > 0) exit = f;
+      if (orient3d(*p[face[0]], *p[face[1]], *p[face[2]], q, orientation_bound) > 0) exit = f;
     }
     if (exit < 0) return c;
     const Index next = here.neighbor[at(exit)];
@@ -507,7 +511,9 @@ void RegularTriangulation::collect_hidden_by_cavity() {
     for (const Index v : cells_[at(c)].vertex) {
       if (local_[at(v + 2)] != 0 || v == kInfinite || state(v) != VertexState::kVisible) continue;
       hide(v, VertexState::kHidden);
-      if (!bulk_) unplaced_.push_back(v);
+      if (bulk_) continue;
+      hidden_by_last_.push_back(v);
+      unplaced_.push_back(v);
     }
   }
 }
@@ -618,7 +624,7 @@ void RegularTriangulation::release_hidden(Index c) {
 /// Attaches waiting hidden points to the finite cells that contain them.
 void RegularTriangulation::place_hidden(Index hint) {
   for (const Index v : unplaced_) {
-    hint = walk(point(v), hint);
+    hint = walk(point(v), hint, bounds_.orientation);
     attach_hidden(v, hint);
   }
   unplaced_.clear();
@@ -679,7 +685,7 @@ void RegularTriangulation::neighbors(Index v, std::vector<Index>& out) const {
 }
 
 RegularTriangulation::Adjacency RegularTriangulation::adjacency() const {
-  // Every edge lies in at least three cells: count, scatter, then sort and thin each vertex's list.
+  // Every edge lies in at least three cells: count, scatter, then thin and sort each vertex's list.
   Adjacency result;
   std::vector<Index> start(points_.size() + 1, 0);
   for (const Cell& c : cells_) {
@@ -702,19 +708,35 @@ RegularTriangulation::Adjacency RegularTriangulation::adjacency() const {
   result.offset.reserve(points_.size() + 1);
   result.offset.push_back(0);
   result.adjacent.reserve(scattered.size() / 4);
-  for (std::size_t v = 0; v < points_.size(); ++v) {
-    const auto begin = scattered.begin() + start[v], end = scattered.begin() + start[v + 1];
-    std::sort(begin, end);
-    result.adjacent.insert(result.adjacent.end(), begin, std::unique(begin, end));
+  std::vector<Index> last_seen(points_.size(), kNone);
+  for (Index v = 0; v < num_vertices(); ++v) {
+    for (Index k = start[at(v)]; k < start[at(v) + 1]; ++k) {
+      const Index u = scattered[at(k)];
+      if (std::exchange(last_seen[at(u)], v) != v) result.adjacent.push_back(u);
+    }
+    std::sort(result.adjacent.begin() + result.offset.back(), result.adjacent.end());
     result.offset.push_back(static_cast<Index>(result.adjacent.size()));
   }
   return result;
 }
 
+namespace detail {
+namespace {
+
+void require_finite(const Vec3& x) {
+  if (!x.allFinite()) throw Error(ErrorCode::kInvalidArgument, "triangulation: the point to look up is not finite (NaN or infinity)");
+}
+
+}  // namespace
+}  // namespace detail
+
 Index RegularTriangulation::locate(const Vec3& x, Index hint) const {
   if (dimension_ < 3) return kNone;
   if (hint == kNone || hint >= cell_capacity() || !cell(hint).alive()) hint = last_cell_;
-  return walk({x.x(), x.y(), x.z(), 0.0}, hint);
+  detail::require_finite(x);
+  // The static bound holds for points within the box of the set only.
+  const bool in_box = (box_min_.array() <= x.array()).all() && (x.array() <= box_max_.array()).all();
+  return walk({x.x(), x.y(), x.z(), 0.0}, hint, in_box ? bounds_.orientation : INFINITY);
 }
 
 namespace detail {
@@ -731,6 +753,7 @@ bool nearer_in_power(const Vec3& x, const WeightedPoint& a, const WeightedPoint&
 }  // namespace detail
 
 Index RegularTriangulation::power_nearest(const Vec3& x, Index near) const {
+  detail::require_finite(x);
   if (dimension_ < 3) {
     Index best = kNone;
     for (Index v = 0; v < num_vertices(); ++v) {

@@ -28,6 +28,10 @@
 
 namespace amps {
 
+namespace detail {
+struct TriangulationTestAccess;  // defined by the tests, to corrupt a triangulation and see check() notice
+}  // namespace detail
+
 class RegularTriangulation {
  public:
   /// The vertex at infinity, fourth corner of every ghost cell.
@@ -63,6 +67,13 @@ class RegularTriangulation {
 
   /// Inserts one point and returns its id. `hint`: a cell near it (kNone: the last one touched).
   Index insert(const Vec3& position, double weight, Index hint = kNone);
+
+  /// Points that the last single insertion (the other insert) hid: the new one itself, or vertices it dominates.
+  const std::vector<Index>& hidden_by_last_insertion() const { return hidden_by_last_; }
+
+  /// Neighbours of the vertex that the last single insertion made, kInfinite included, in no particular order. Meaningless if it
+  /// was hidden or dimension() < 3.
+  const std::vector<Index>& neighbors_of_last_insertion() const { return cavity_vertices_; }
 
   /// −1 empty, 0 all at one position, 1 on a line, 2 in a plane, 3 proper: only then are there cells.
   int dimension() const { return dimension_; }
@@ -101,11 +112,12 @@ class RegularTriangulation {
   Adjacency adjacency() const;
 
   /// The cell that contains x, boundary included; a ghost cell whose hull facet sees x if x is outside the hull. `hint`: a cell
-  /// to start from. Requires dimension() == 3 (else kNone).
+  /// to start from. Requires dimension() == 3 (else kNone). Throws Error(kInvalidArgument) if x is not finite.
   Index locate(const Vec3& x, Index hint = kNone) const;
 
   /// The visible vertex with the smallest power at x; ties go to the lexicographically smallest, as everywhere. A walk over
   /// power cells from `near` (a vertex; kNone: any). kNone if there is no point. O(distance walked); O(n) if dimension() < 3.
+  /// Throws Error(kInvalidArgument) if x is not finite.
   Index power_nearest(const Vec3& x, Index near = kNone) const;
 
   /// Re-proves every invariant and returns the first violation found, "" if none.
@@ -114,8 +126,9 @@ class RegularTriangulation {
   /// Linear in the number of cells and points.
   std::string check(int level = 2) const;
 
-
  private:
+  friend struct detail::TriangulationTestAccess;
+
   struct BoundaryFacet {
     std::array<Index, 4> vertex;    ///< of the new cell: those of the conflicting one with the new vertex in `slot`
     Index outside;                  ///< 4·cell + face on the far side
@@ -133,7 +146,7 @@ class RegularTriangulation {
   Index insert_vertex(Index v, Index hint);
 
   bool in_conflict(Index c, const WeightedPoint& q) const;
-  Index walk(const WeightedPoint& q, Index start) const;
+  Index walk(const WeightedPoint& q, Index start, double orientation_bound) const;
   void dig_cavity(Index start, const WeightedPoint& q);
   void number_cavity_vertices();
   void collect_hidden_by_cavity();
@@ -173,7 +186,8 @@ class RegularTriangulation {
 
   // Scratch of one insertion, kept for its capacity.
   std::vector<std::uint8_t> mark_;  ///< by cell
-  std::vector<Index> conflict_, stack_, outside_tested_, unplaced_, new_cells_;
+  std::vector<Index> hidden_by_last_;
+  std::vector<Index> conflict_, outside_tested_, unplaced_, new_cells_;
   std::vector<BoundaryFacet> boundary_;
   std::vector<std::int32_t> local_;  ///< by vertex + 2: cavity-local number + 1, 0 outside an insertion
   std::vector<Index> cavity_vertices_;

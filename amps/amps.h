@@ -1,0 +1,55 @@
+// amps.h: everything public in one include, the version, and where to start reading.
+//
+// amps places maximal Poisson-disk sets on triangle meshes and remeshes with them (Yan & Wonka, SIGGRAPH Asia 2012; ACM TOG
+// 32(5), 2013). A set of disks of radius r is Poisson-disk when no two centres are nearer than r, and maximal when no further
+// disk fits: every point of the surface is within r of a centre. Of a maximal set, the dual triangulation on the surface has
+// all angles in [30°, 120°] and all edges in [r, 2r]: guaranteed, on any surface. Both properties are decided exactly, not by
+// tolerance.
+//
+//   #include "amps/amps.h"
+//
+//   amps::Mesh mesh = amps::read_mesh("bunny.obj");
+//   amps::RemeshOptions options;
+//   options.sampling.target_count = 12000;  // or .radius, in the units of the mesh
+//   amps::RemeshResult result = amps::remesh(mesh, options);
+//   std::cout << result.report.quality << "\n" << result.report.maximality << "\n";
+//   amps::write_mesh("bunny_12k.obj", result.mesh);
+//
+// No global state, nothing printed, no exit; the same input, options and seed give the same bits on any platform and any number
+// of threads. Bad input throws amps::Error. Buffers are taken as Eigen views: map your own, nothing is copied.
+//
+// Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
+//
+//   base.h           vectors and indices, Error, Rng, Progress, parallel_for
+//   exact.h          (internal) the number types behind exact decisions
+//   predicates.h     orientation, power test, sides of bisectors: filter, exact, symbolic
+//   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
+//   shapes.h         sphere, torus, square, knot, cube
+//   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
+//   triangulation.h  RegularTriangulation: the 3D regular triangulation of weighted points
+//   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
+//   voxel_grid.h     (internal) which samples are near a dart
+//   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
+//   sampling.h       darts, gap filling, and the certificate that a set is maximal
+//   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
+//   mesh_io.h        OBJ, OFF, PLY, STL and sample files
+//   quality.h        angles, edges, areas, valences
+//   remesh.h         the dual triangulation, and the whole pipeline in one call
+#pragma once
+
+/// Semantic version; CMake reads it from here.
+#define AMPS_VERSION_MAJOR 0
+#define AMPS_VERSION_MINOR 1
+#define AMPS_VERSION_PATCH 0
+
+#include "amps/base.h"
+#include "amps/predicates.h"
+#include "amps/mesh.h"
+#include "amps/shapes.h"
+#include "amps/kdtree.h"
+#include "amps/triangulation.h"
+#include "amps/power_diagram.h"
+#include "amps/sampling.h"
+#include "amps/mesh_io.h"
+#include "amps/quality.h"
+#include "amps/remesh.h"

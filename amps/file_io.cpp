@@ -1,0 +1,219 @@
+#include "amps/file_io.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <istream>
+#include <limits>
+#include <locale>
+#include <ostream>
+#include <sstream>
+#include <system_error>
+
+#if defined(__cpp_lib_to_chars) && __cpp_lib_to_chars >= 201611L
+#define AMPS_HAS_DOUBLE_CHARCONV 1
+#else
+#define AMPS_HAS_DOUBLE_CHARCONV 0
+#endif
+
+namespace amps {
+namespace detail {
+namespace {
+
+// [+-] digits [. digits] [e [+-] digits], with a digit before or behind the point.
+bool is_decimal_number(std::string_view token) {
+  std::size_t i = 0;
+  const auto sign = [&] { i += i < token.size() && (token[i] == '+' || token[i] == '-') ? 1 : 0; };
+  const auto digits = [&] {
+    const std::size_t from = i;
+    while (i < token.size() && token[i] >= '0' && token[i] <= '9') ++i;
+    return i - from;
+  };
+  sign();
+  std::size_t count = digits();
+  if (i < token.size() && token[i] == '.') {
+    ++i;
+    count += digits();
+  }
+  if (count == 0) return false;
+  if (i < token.size() && (token[i] == 'e' || token[i] == 'E')) {
+    ++i;
+    sign();
+    if (digits() == 0) return false;
+  }
+  return i == token.size();
+}
+
+}  // namespace
+
+bool parse_double_slowly(std::string_view token, double& value) {
+  if (!is_decimal_number(token)) return false;
+  std::istringstream in{std::string(token)};
+  in.imbue(std::locale::classic());
+  in >> value;
+  // Out of range, libraries differ in what they call a failure, but all leave the nearest double.
+  if (!in && std::abs(value) >= std::numeric_limits<double>::max()) {
+    value = std::copysign(std::numeric_limits<double>::infinity(), value);
+  }
+  return true;
+}
+
+bool parse_double(const char* p, const char* end, double& value) {
+  if (p < end && *p == '+') {
+    ++p;
+    if (p < end && *p == '-') return false;
+  }
+  if (p == end) return false;
+#if AMPS_HAS_DOUBLE_CHARCONV
+  const auto [stop, status] = std::from_chars(p, end, value);
+  if (status == std::errc()) return stop == end;
+  if (status != std::errc::result_out_of_range || stop != end) return false;
+#endif
+  return parse_double_slowly({p, static_cast<std::size_t>(end - p)}, value);
+}
+
+bool parse_integer(const char*& p, const char* end, std::int64_t& value) {
+  const char* from = p < end && *p == '+' ? p + 1 : p;
+  if (from != p && from < end && *from == '-') return false;
+  const auto [stop, status] = std::from_chars(from, end, value);
+  if (status != std::errc()) return false;
+  p = stop;
+  return true;
+}
+
+void append_number(std::string& out, double value) {
+#if AMPS_HAS_DOUBLE_CHARCONV
+  char digits[32];
+  out.append(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
+#else
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text.precision(std::numeric_limits<double>::max_digits10);
+  text << value;
+  out += text.str();
+#endif
+}
+#undef AMPS_HAS_DOUBLE_CHARCONV
+
+void append_number(std::string& out, std::int64_t value) {
+  char digits[24];
+  out.append(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
+}
+
+namespace {
+
+[[noreturn]] void fail_file(const std::filesystem::path& path, const std::string& what) {
+  throw Error(ErrorCode::kFileNotFound, path.string() + ": " + what);
+}
+
+// The system's word for the last error.
+std::string system_message() { return std::error_code(errno != 0 ? errno : EIO, std::generic_category()).message(); }
+
+// An open output file, closed and, unless it was completed, removed at the end of its scope.
+struct OutputFile {
+  std::filesystem::path path;
+  std::FILE* file = nullptr;
+  bool remove_it = true;
+
+  OutputFile() = default;
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+  ~OutputFile() {
+    if (file != nullptr) std::fclose(file);
+    std::error_code ignored;
+    if (remove_it && !path.empty()) std::filesystem::remove(path, ignored);
+  }
+
+  // False (and errno) on failure. Close reports what a full disk or a network drive kept back.
+  bool write_and_close(const std::string& content) {
+    errno = 0;
+    const bool written = std::fwrite(content.data(), 1, content.size(), file) == content.size() && std::fflush(file) == 0;
+    const int write_error = errno;
+    const bool closed = std::fclose(file) == 0;
+    file = nullptr;
+    if (!written) errno = write_error;
+    return written && closed;
+  }
+};
+
+// Opens a file that did not exist, in the directory of `target`.
+void open_temporary(OutputFile& output, const std::filesystem::path& target) {
+  constexpr int most_tries = 10000;  // names taken by other writers, or left by programs that were killed
+  for (int i = 0; i < most_tries; ++i) {
+    const std::filesystem::path name = target.parent_path() / (".amps-" + std::to_string(i) + ".tmp");
+    errno = 0;
+    output.file = std::fopen(name.string().c_str(), "wbx");  // x: fails if it exists, so two writers never share one
+    if (output.file != nullptr) {
+      output.path = name;
+      return;
+    }
+    if (errno != EEXIST) break;
+  }
+  fail_file(target, "cannot be created: " + system_message() + "; check that its directory exists and can be written");
+}
+
+}  // namespace
+
+std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size) {
+  std::string data;
+  std::size_t size = 0;
+  do {
+    // One byte more than a file of the expected size has, so that its end shows in the first round.
+    data.resize(size == 0 ? std::max<std::size_t>(expected_size + 1, 1u << 16) : 2 * data.size());
+    in.read(data.data() + size, static_cast<std::streamsize>(data.size() - size));
+    size += static_cast<std::size_t>(in.gcount());
+  } while (in);
+  if (in.bad()) throw Error(ErrorCode::kFileNotFound, name + ": cannot be read: " + system_message() + "; check the device");
+  data.resize(size);
+  return data;
+}
+
+std::string read_whole_file(const std::filesystem::path& path) {
+  std::error_code status;
+  if (std::filesystem::is_directory(path, status)) fail_file(path, "is a directory; name a file");
+  errno = 0;
+  std::ifstream in(path, std::ios::binary);
+  if (!in) fail_file(path, "cannot be opened: " + system_message() + "; check its name and permissions");
+  const auto size = std::filesystem::file_size(path, status);
+  return read_whole_stream(in, path.string(), status ? 0 : static_cast<std::size_t>(size));
+}
+
+void replace_file(const std::filesystem::path& path, const std::string& content) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  fs::path target = path;
+  if (fs::is_symlink(path, error)) {
+    target = fs::canonical(path, error);
+    if (error) fail_file(path, "is a link to nothing: " + error.message() + "; remove it");
+  }
+  const fs::file_status status = fs::status(target, error);
+  if (fs::is_directory(status)) fail_file(path, "is a directory; name a file");
+  const bool exists = fs::exists(status);
+  const char* const remedy = "; free some space or choose another place";
+  OutputFile output;
+  if (exists && !fs::is_regular_file(status)) {  // a device or pipe: renaming would replace it by a file
+    output.remove_it = false;
+    errno = 0;
+    output.file = std::fopen(target.string().c_str(), "wb");
+    if (output.file == nullptr) fail_file(path, "cannot be opened: " + system_message() + "; check its permissions");
+    if (!output.write_and_close(content)) fail_file(path, "cannot be written: " + system_message() + remedy);
+    return;
+  }
+  // Renaming would get past the protection of a file, so look at it first.
+  constexpr fs::perms any_write = fs::perms::owner_write | fs::perms::group_write | fs::perms::others_write;
+  if (exists && (status.permissions() & any_write) == fs::perms::none) {
+    fail_file(path, "is read-only; change its permissions or choose another name");
+  }
+  open_temporary(output, target);
+  if (!output.write_and_close(content)) fail_file(path, "cannot be written: " + system_message() + remedy);
+  if (exists) fs::permissions(output.path, status.permissions(), error);  // best effort
+  fs::rename(output.path, target, error);
+  if (error) fail_file(path, "cannot be replaced: " + error.message() + "; check its permissions");
+  output.remove_it = false;
+}
+
+}  // namespace detail
+}  // namespace amps

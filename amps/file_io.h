@@ -1,0 +1,183 @@
+// file_io.h: (internal) what readers and writers of files share — errors that name the place, numbers that do not depend on
+// the locale, a cursor over lines and tokens, bytes in either order, and files that are written whole or not at all.
+#pragma once
+
+#include "amps/base.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <iosfwd>
+#include <string>
+#include <string_view>
+
+namespace amps {
+namespace detail {
+
+/// What is being read, for errors. Lines are counted only when one is reported, so that parsing keeps no count.
+struct IoSource {
+  std::string_view data;
+  const std::string& name;
+
+  const char* begin() const { return data.data(); }
+  const char* end() const { return data.data() + data.size(); }
+
+  [[noreturn]] void fail(const std::string& what, ErrorCode code = ErrorCode::kFileFormat) const {
+    throw Error(code, name + ": " + what);
+  }
+  [[noreturn]] void fail_line(const char* where, const std::string& what) const {
+    std::size_t line = 1;
+    for (const char* p = begin(); p < where; ++p) {
+      line += *p == '\n' || (*p == '\r' && (p + 1 == end() || p[1] != '\n')) ? 1 : 0;
+    }
+    fail("line " + std::to_string(line) + ": " + what);
+  }
+  [[noreturn]] void fail_byte(const char* where, const std::string& what) const {
+    fail("byte " + std::to_string(where - begin()) + ": " + what);
+  }
+};
+
+/// The remedy for most errors.
+inline std::string cut_short_or_not(const char* format) { return std::string("; the file is cut short or is not ") + format; }
+
+/// Parses a decimal number that fills [p, end); false if it is none. What is too large becomes an infinity, what is too small
+/// a denormal or zero. "nan" and "inf" may or may not be taken for numbers, so look at the result.
+bool parse_double(const char* p, const char* end, double& value);
+
+/// The same by streams: where from_chars cannot read doubles, and for numbers out of range.
+bool parse_double_slowly(std::string_view token, double& value);
+
+/// Parses an integer at p and moves p behind it; false, and p unmoved, if there is none or it is too large.
+bool parse_integer(const char*& p, const char* end, std::int64_t& value);
+
+/// Appends the shortest decimal that reads back as the same double.
+void append_number(std::string& out, double value);
+void append_number(std::string& out, std::int64_t value);
+
+inline bool is_token_end(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\v' || c == '\f'; }
+
+/// A cursor over text. The end of a line is \n, \r\n or \r. With `comment` set, that character hides the rest of a line; with
+// `continuation`, a backslash before the end of a line joins it to the next.
+struct TextCursor {
+  const IoSource& source;
+  const char* p;
+  char comment = '#';
+  bool continuation = false;
+
+  explicit TextCursor(const IoSource& from) : source(from), p(from.begin()) {
+    if (source.data.substr(0, 3) == "\xEF\xBB\xBF") p += 3;  // byte order mark of UTF-8
+  }
+
+  bool at_end() const { return p == source.end(); }
+
+  static bool is_line_end(char c) { return c == '\n' || c == '\r'; }
+
+  // Skips blanks; true if something is left on this line.
+  bool more_on_line() {
+    for (; p < source.end(); ++p) {
+      if (continuation && *p == '\\' && p + 1 < source.end() && is_line_end(p[1])) {
+        if (p[1] == '\r' && p + 2 < source.end() && p[2] == '\n') ++p;
+        ++p;
+      } else if (is_line_end(*p) || *p == comment) {
+        return false;
+      } else if (!is_token_end(*p)) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  void skip_line() {
+    while (p < source.end() && !is_line_end(*p)) ++p;
+    if (p < source.end()) ++p;  // the \n of \r\n is an empty line, and those are skipped everywhere
+  }
+
+  // Goes to the next line that holds something, at or after p; false at the end of the text.
+  bool next_content() {
+    while (!more_on_line()) {
+      if (at_end()) return false;
+      skip_line();
+    }
+    return true;
+  }
+
+  // The token at p, which must not be blank; moves behind it.
+  std::string_view token() {
+    const char* from = p;
+    while (p < source.end() && !is_token_end(*p) && (p == from || *p != comment)) ++p;
+    // A backslash glued to the last token of a continued line.
+    if (continuation && p - from > 1 && p[-1] == '\\' && p < source.end() && is_line_end(*p)) --p;
+    return {from, static_cast<std::size_t>(p - from)};
+  }
+
+  // Reads numbers from this line until `wanted` are there; returns how many were.
+  int numbers(double* values, int wanted) {
+    for (int k = 0; k < wanted; ++k) {
+      if (!more_on_line()) return k;
+      const std::string_view text = token();
+      if (!parse_double(text.data(), text.data() + text.size(), values[k])) {
+        source.fail_line(text.data(), "expected a number, found \"" + shown(text) + "\"; correct or remove the line");
+      }
+    }
+    return wanted;
+  }
+
+  // A token as it can be put in an error message: short, printable.
+  static std::string shown(std::string_view text) {
+    std::string result(text.substr(0, 24));
+    for (char& c : result) c = c >= ' ' && c <= '~' ? c : '?';
+    return text.size() > 24 ? result + "..." : result;
+  }
+};
+
+inline bool equal_ignoring_case(std::string_view a, std::string_view lower) {
+  const auto low = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
+  return std::equal(a.begin(), a.end(), lower.begin(), lower.end(), [&](char x, char y) { return low(x) == y; });
+}
+
+/// Values in a given byte order, by shifts, so the order of the machine does not matter.
+template <class Unsigned>
+Unsigned load_bytes(const char* p, bool big_endian) {
+  Unsigned value = 0;
+  for (std::size_t k = 0; k < sizeof(Unsigned); ++k) {
+    const auto byte = static_cast<unsigned char>(p[big_endian ? k : sizeof(Unsigned) - 1 - k]);
+    value = static_cast<Unsigned>(static_cast<Unsigned>(value << 4 << 4) | byte);  // not << 8: that is too far for one byte
+  }
+  return value;
+}
+
+template <class Value, class Unsigned>
+Value load_as(const char* p, bool big_endian) {
+  static_assert(sizeof(Value) == sizeof(Unsigned), "same size");
+  const Unsigned bits = load_bytes<Unsigned>(p, big_endian);
+  Value value;
+  std::memcpy(&value, &bits, sizeof value);
+  return value;
+}
+
+template <class Unsigned, class Value>
+void append_little_endian(std::string& out, Value value) {
+  static_assert(sizeof(Value) == sizeof(Unsigned), "same size");
+  Unsigned bits;
+  std::memcpy(&bits, &value, sizeof bits);
+  char bytes[sizeof bits];
+  for (std::size_t k = 0; k < sizeof bits; ++k) bytes[k] = static_cast<char>(static_cast<unsigned char>(bits >> (8 * k)));
+  out.append(bytes, sizeof bytes);
+}
+
+inline void append_float(std::string& out, double value) {
+  append_little_endian<std::uint32_t>(out, static_cast<float>(value));
+}
+
+/// The rest of a stream, or a whole file. Error(kFileNotFound) if it cannot be opened or read.
+std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size);
+std::string read_whole_file(const std::filesystem::path& path);
+
+/// Writes a file under a temporary name in the same directory and renames it: on failure, Error(kFileNotFound), nothing has
+/// changed. A link is followed, permissions are kept, a read-only file is refused, a device or pipe is written in place.
+void replace_file(const std::filesystem::path& path, const std::string& content);
+
+}  // namespace detail
+}  // namespace amps

@@ -1,0 +1,127 @@
+// gaps.h (internal): the part of one fragment of the restricted power diagram that its own ball leaves uncovered — whether
+// there is any, its exact area, triangles that cover it tightly (the gap primitives), and uniform points in it.
+//
+// Yan & Wonka, "Gap Processing for Adaptive Maximal Poisson-disk Sampling", ACM TOG 32(5), 2013, §4. Where we differ: the
+// paper takes the gap as polygons with arcs cut off at tangents by cases; here a gap is a few *runs* (stretches of the
+// polygon's boundary outside of the disk, each closed by one arc), the area is summed per run so that nothing cancels in tiny
+// gaps, and each arc gets as many tangents as a bound asks for, so that rejection sampling accepts with probability ≥ 1/2
+// whatever the shape.
+#pragma once
+
+#include "amps/base.h"
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace amps::detail {
+
+/// A point v is uncovered by the ball (p, w) if |v − p|² > w·(1 + kCoverageSlack). The certificate of maximality allows 1e-9
+/// on the ratio |v − p|/r, that is 2e-9 on the square: the slack stays well within. Below it a gap may be too thin to hold
+/// any point with double coordinates (their rounding is ~1e-16 of the domain, so domains up to 1e6·r are safe).
+inline constexpr double kCoverageSlack = 4e-10;
+
+/// A ball as the power diagram knows it: weight = squared radius, > 0.
+struct Ball {
+  Vec3 centre = Vec3::Zero();
+  double weight = 0;
+};
+
+inline bool is_uncovered(const Vec3& point, const Ball& ball) {
+  return (point - ball.centre).squaredNorm() > ball.weight * (1.0 + kCoverageSlack);
+}
+
+/// View of a convex planar polygon, `size` ≥ 3 corners counter-clockwise around the unit `normal`, planar and convex up to
+/// rounding. Corners may coincide and the polygon may have no area.
+struct FragmentView {
+  const Vec3* corners = nullptr;
+  std::size_t size = 0;
+  Vec3 normal = Vec3::UnitZ();
+};
+
+/// Is anything of the fragment outside of the ball (by more than the slack)? Polygon and ball are convex, so only corners
+/// need a look. O(size).
+inline bool has_gap(const FragmentView& fragment, const Ball& ball) {
+  for (std::size_t k = 0; k < fragment.size; ++k) {
+    if (is_uncovered(fragment.corners[k], ball)) return true;
+  }
+  return false;
+}
+
+/// The gap of one fragment at a time, in buffers that are kept from one to the next: no heap allocation in steady state.
+/// One object per thread.
+class FragmentGap {
+ public:
+  /// Finds the gap of `fragment` and returns its area (absolute units), 0 exactly when has_gap() is false. The area is that of
+  /// the polygon minus the disk in closed form; corners that are out by less than the slack count as covered. A gap thinner
+  /// than rounding gets a tiny positive area in place of a zero, so that choosing by area can still reach it. Nothing of
+  /// `fragment` is referenced afterwards. O(size).
+  double assign(const FragmentView& fragment, const Ball& ball);
+
+  double area() const { return area_ * scale_ * scale_; }
+
+  /// Triangles in the plane of the fragment that cover the gap, with disjoint interiors, inside of the fragment, of at most
+  /// twice the area of the gap (up to rounding). Empty if there is no gap, or one without area. Built when first asked for.
+  std::size_t num_primitives();
+  std::array<Vec3, 3> primitive(std::size_t i);
+  double primitives_area();
+
+  /// A uniformly distributed point of the gap; requires a gap. It lies in the plane of the fragment up to rounding, and
+  /// exactly (not only up to rounding) outside of the open ball. Rejection in the primitives, ≥ 1/2 accepted; should 64
+  /// darts fail, which only a gap too thin for doubles can bring about, it is the corner farthest from the ball.
+  Vec3 sample(Rng& rng);
+
+ private:
+  using Point = Eigen::Vector2d;
+  /// A stretch of the polygon's boundary outside of the disk, points_[begin, end). With an arc, the first and last point lie
+  /// on the circle and an arc of `angle` > 0 closes it; with angle 0 it is the whole polygon.
+  struct Run {
+    std::size_t begin, end;
+    double angle;
+    double area;  ///< of the gap between stretch and arc, > 0
+  };
+  struct Triangle {
+    Point a, b, c;
+    double area_up_to;  ///< of this and all triangles before it
+  };
+  /// How an edge meets the disk, seen from its start: kThrough goes in and comes out again.
+  enum class EdgeKind { kInside, kLeaves, kEnters, kOutside, kThrough };
+
+  void set_frame(const FragmentView& fragment, const Ball& ball, std::size_t farthest);
+  EdgeKind edge_kind(std::size_t from, std::size_t to) const;
+  Point crossing(std::size_t outside, std::size_t other) const;
+  void find_runs();
+  void add_whole_polygon();
+  void add_ring();
+  void add_run(std::size_t begin, double angle);
+  double run_angle(std::size_t begin) const;
+
+  void build_primitives();
+  void cover_run(const Run& run);
+  std::size_t cut_by_tangent(std::size_t begin, const Point& touch);
+  void add_fan(const Point* points, std::size_t size);
+  void add_triangle(const Point& a, const Point& b, const Point& c);
+  Vec3 to_space(const Point& x) const { return origin_ + scale_ * (x.x() * axis_u_ + x.y() * axis_v_); }
+
+  // The frame: coordinates in units of the ball's radius, the disk's centre at the origin.
+  Vec3 axis_u_ = Vec3::UnitX(), axis_v_ = Vec3::UnitY();
+  Vec3 origin_ = Vec3::Zero();  ///< centre of the disk: the ball's centre projected to the plane
+  double scale_ = 1;            ///< the ball's radius
+  double disk_ = 0;             ///< squared radius of the disk, in the frame; ≤ 0 if the plane misses the ball
+  double radius_ = 0;           ///< its root
+
+  Ball ball_;
+  Vec3 farthest_corner_ = Vec3::Zero();  ///< from the ball's centre
+  std::size_t farthest_ = 0;             ///< its index
+  double area_ = 0;                      ///< in the frame
+  bool has_primitives_ = false;
+  std::vector<Point> corners_;
+  std::vector<double> excess_;   ///< |corner|² − disk_; > 0: outside
+  std::vector<char> uncovered_;  ///< is_uncovered(corner)
+  std::vector<Point> points_;    ///< of all runs
+  std::vector<Run> runs_;
+  std::vector<Point> work_;  ///< what is left of a run while tangents cut it up
+  std::vector<Triangle> triangles_;
+};
+
+}  // namespace amps::detail

@@ -1,0 +1,145 @@
+#include "amps/kdtree.h"
+
+#include "amps/exact.h"
+
+#include <nanoflann.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+
+namespace amps {
+namespace {
+
+/// nanoflann's view of the points.
+struct KdPoints {
+  Points points;
+  std::size_t kdtree_get_point_count() const { return static_cast<std::size_t>(points.rows()); }
+  double kdtree_get_pt(std::size_t i, std::size_t axis) const {
+    return points(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(axis));
+  }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;  // let nanoflann compute it
+  }
+};
+
+using KdIndex = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, KdPoints>, KdPoints, 3, std::uint32_t>;
+
+bool kd_before(const KdTree::Neighbor& a, const KdTree::Neighbor& b) {
+  return a.squared_distance != b.squared_distance ? a.squared_distance < b.squared_distance : a.index < b.index;
+}
+
+/// nanoflann takes a point only if it is nearer than this, and skips boxes whose rounded distance is beyond: slightly more than
+/// `distance`, so that ties get through, however the distance of their box was rounded.
+double kd_beyond(double distance) { return distance * (1 + 1e-12) + std::numeric_limits<double>::denorm_min(); }
+
+/// What nanoflann asks of a result set, in all its versions. nanoflann's own leave ties to the order of the search.
+template <class Derived>
+struct KdResultSet {
+  using DistanceType = double;
+  using IndexType = std::uint32_t;
+  using CountType = std::size_t;
+  std::vector<KdTree::Neighbor>& found;
+
+  explicit KdResultSet(std::vector<KdTree::Neighbor>& result) : found(result) { found.clear(); }
+  std::size_t size() const { return found.size(); }
+  bool empty() const { return found.empty(); }
+  bool full() const { return true; }
+  void sort() {}
+  bool addPoint(double squared_distance, std::uint32_t index) {
+    static_cast<Derived*>(this)->add({static_cast<Index>(index), squared_distance});
+    return true;
+  }
+};
+
+/// The `capacity` ≥ 1 nearest: a heap with the worst on top.
+struct KdNearestSet : KdResultSet<KdNearestSet> {
+  std::size_t capacity;
+
+  KdNearestSet(std::vector<KdTree::Neighbor>& result, std::size_t k) : KdResultSet(result), capacity(k) {}
+  double worstDist() const {
+    return found.size() < capacity ? std::numeric_limits<double>::max() : kd_beyond(found.front().squared_distance);
+  }
+  void add(const KdTree::Neighbor& neighbor) {
+    if (found.size() == capacity) {
+      if (!kd_before(neighbor, found.front())) return;
+      std::pop_heap(found.begin(), found.end(), kd_before);
+      found.pop_back();
+    }
+    found.push_back(neighbor);
+    std::push_heap(found.begin(), found.end(), kd_before);
+  }
+};
+
+struct KdRadiusSet : KdResultSet<KdRadiusSet> {
+  double squared_radius;
+
+  KdRadiusSet(std::vector<KdTree::Neighbor>& result, double radius) : KdResultSet(result), squared_radius(radius * radius) {}
+  double worstDist() const { return kd_beyond(squared_radius); }
+  void add(const KdTree::Neighbor& neighbor) {
+    if (neighbor.squared_distance <= squared_radius) found.push_back(neighbor);
+  }
+};
+
+/// The one nearest, without a buffer.
+struct KdNearestOne {
+  using DistanceType = double;
+  using IndexType = std::uint32_t;
+  using CountType = std::size_t;
+  KdTree::Neighbor best;
+
+  std::size_t size() const { return best.index == kNone ? 0 : 1; }
+  bool empty() const { return best.index == kNone; }
+  bool full() const { return true; }
+  void sort() {}
+  double worstDist() const {
+    return best.index == kNone ? std::numeric_limits<double>::max() : kd_beyond(best.squared_distance);
+  }
+  bool addPoint(double squared_distance, std::uint32_t index) {
+    const KdTree::Neighbor neighbor{static_cast<Index>(index), squared_distance};
+    if (best.index == kNone || kd_before(neighbor, best)) best = neighbor;
+    return true;
+  }
+};
+
+}  // namespace
+
+struct KdTree::Impl {
+  KdPoints points;
+  KdIndex index;
+
+  explicit Impl(const PointsView& view) : points{view}, index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(10)) {}
+};
+
+KdTree::KdTree(const PointsView& points) : impl_(std::make_unique<Impl>(points)) {}
+
+KdTree::~KdTree() = default;
+KdTree::KdTree(KdTree&&) noexcept = default;
+KdTree& KdTree::operator=(KdTree&&) noexcept = default;
+
+Index KdTree::size() const { return static_cast<Index>(impl_->points.points.rows()); }
+
+KdTree::Neighbor KdTree::nearest(const Vec3& query) const {
+  KdNearestOne one;
+  if (size() > 0) impl_->index.findNeighbors(one, query.data(), {});
+  return one.best;
+}
+
+void KdTree::k_nearest(const Vec3& query, Index k, std::vector<Neighbor>& result) const {
+  AMPS_ASSERT(k >= 0);
+  KdNearestSet set(result, static_cast<std::size_t>(std::min(k, size())));
+  if (set.capacity == 0) return;
+  impl_->index.findNeighbors(set, query.data(), {});
+  std::sort_heap(result.begin(), result.end(), kd_before);
+}
+
+void KdTree::in_radius(const Vec3& query, double radius, std::vector<Neighbor>& result) const {
+  AMPS_ASSERT(radius >= 0);
+  KdRadiusSet set(result, radius);
+  if (size() == 0) return;
+  impl_->index.findNeighbors(set, query.data(), {});
+  std::sort(result.begin(), result.end(), kd_before);
+}
+
+}  // namespace amps

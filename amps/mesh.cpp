@@ -1,0 +1,440 @@
+#include "amps/mesh.h"
+
+#include "amps/predicates.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <numeric>
+#include <ostream>
+#include <string>
+#include <utility>
+
+namespace amps {
+namespace {
+
+// ---- Facets and vertices by themselves ----
+
+bool facet_in_range(const MeshView& mesh, Index f) {
+  const Index n = mesh.num_vertices();
+  for (int k = 0; k < 3; ++k) {
+    if (mesh.triangles(f, k) < 0 || mesh.triangles(f, k) >= n) return false;
+  }
+  return true;
+}
+
+bool facet_has_repeated_index(const MeshView& mesh, Index f) {
+  const Index a = mesh.triangles(f, 0), b = mesh.triangles(f, 1), c = mesh.triangles(f, 2);
+  return a == b || b == c || c == a;
+}
+
+bool vertex_is_finite(const MeshView& mesh, Index v) {
+  return std::isfinite(mesh.vertices(v, 0)) && std::isfinite(mesh.vertices(v, 1)) && std::isfinite(mesh.vertices(v, 2));
+}
+
+bool facet_is_finite(const MeshView& mesh, Index f) {
+  for (int k = 0; k < 3; ++k) {
+    if (!vertex_is_finite(mesh, mesh.triangles(f, k))) return false;
+  }
+  return true;
+}
+
+void require_index_sizes(const MeshView& mesh) {
+  constexpr Eigen::Index limit = std::numeric_limits<Index>::max();
+  if (mesh.vertices.rows() > limit || mesh.triangles.rows() > limit) {
+    throw Error(ErrorCode::kTooLarge, "mesh: more than 2^31 - 1 vertices or facets; cut it into parts");
+  }
+}
+
+void require_indices(const MeshView& mesh) {
+  require_index_sizes(mesh);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    if (facet_in_range(mesh, f)) continue;
+    throw Error(ErrorCode::kInvalidMesh, "mesh: facet " + std::to_string(f) + " has a corner that is not one of the " +
+                                             std::to_string(mesh.num_vertices()) +
+                                             " vertices (0-based); remove it or correct its indices");
+  }
+}
+
+// The facet's normal times twice its area, divided by scale². Scaling by a power of two, only where needed, keeps products of
+// coordinate differences away from overflow and underflow.
+struct FacetCross {
+  Vec3 cross = Vec3::Zero();  // zero iff the corners are exactly collinear (or the product underflows even when scaled)
+  double scale = 1.0;
+};
+
+FacetCross facet_cross(const MeshView& mesh, Index f) {
+  const Vec3 a = mesh.corner(f, 0), b = mesh.corner(f, 1), c = mesh.corner(f, 2);
+  FacetCross result;
+  Vec3 u = b - a, v = c - a;
+  const double size = std::max(u.cwiseAbs().maxCoeff(), v.cwiseAbs().maxCoeff());
+  if (size > 0 && std::isfinite(size) && (size > 0x1p300 || size < 0x1p-300)) {
+    int exponent = 0;
+    std::frexp(size, &exponent);
+    exponent = std::clamp(exponent, -1000, 1000);  // so that 2^±exponent is a normal number
+    result.scale = std::ldexp(1.0, exponent);
+    u *= std::ldexp(1.0, -exponent);
+    v *= std::ldexp(1.0, -exponent);
+  }
+  result.cross = u.cross(v);
+  // Each component carries an error below 8·2^-53·|u||v| (two rounded differences and a product each, one subtraction), far
+  // under 2^-40·|u||v|: beyond that the corners are not collinear, below it the exact test decides.
+  const double bound = 0x1p-80 * u.squaredNorm() * v.squaredNorm();
+  const double square = result.cross.squaredNorm();
+  if (std::isfinite(square) && !(square > bound) && collinear(a.data(), b.data(), c.data())) result.cross.setZero();
+  return result;
+}
+
+double facet_area(const MeshView& mesh, Index f) {
+  const FacetCross x = facet_cross(mesh, f);
+  return 0.5 * x.cross.norm() * x.scale * x.scale;
+}
+
+// Neumaier's compensated sum, so that the total is good to a few last bits whatever the number and order of facets.
+class CompensatedSum {
+ public:
+  void add(double x) {
+    const double next = sum_ + x;
+    lost_ += std::abs(sum_) >= std::abs(x) ? (sum_ - next) + x : (x - next) + sum_;
+    sum_ = next;
+  }
+  double value() const { return std::isfinite(sum_) ? sum_ + lost_ : sum_; }
+
+ private:
+  double sum_ = 0, lost_ = 0;
+};
+
+void grow_box(Box& box, bool& started, const Vec3& p) {
+  box.min = started ? Vec3(box.min.cwiseMin(p)) : p;
+  box.max = started ? Vec3(box.max.cwiseMax(p)) : p;
+  started = true;
+}
+
+std::vector<char> used_vertices(const MeshView& mesh) {
+  std::vector<char> used(static_cast<std::size_t>(mesh.num_vertices()), 0);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    for (int k = 0; k < 3; ++k) {
+      const Index v = mesh.triangles(f, k);
+      if (v >= 0 && v < mesh.num_vertices()) used[static_cast<std::size_t>(v)] = 1;
+    }
+  }
+  return used;
+}
+
+// For each vertex the first one with equal coordinates. A vertex with a NaN equals none, not even itself, and stays alone.
+std::vector<Index> first_equal_vertices(const MeshView& mesh) {
+  const auto n = static_cast<std::size_t>(mesh.num_vertices());
+  std::size_t capacity = 16;
+  while (capacity < 2 * n) capacity *= 2;
+  std::vector<Index> table(capacity, kNone);
+  std::vector<Index> first(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto v = static_cast<Index>(i);
+    first[i] = v;
+    const Vec3 p = mesh.vertices.row(v).transpose();
+    if (p.hasNaN()) continue;
+    std::uint64_t hash = 0;
+    for (int k = 0; k < 3; ++k) {
+      const double x = p(k) + 0.0;  // −0 + 0 = +0: equal numbers have equal bits
+      std::uint64_t bits = 0;
+      std::memcpy(&bits, &x, sizeof bits);
+      hash = (hash ^ bits) * 0x9e3779b97f4a7c15u;
+      hash ^= hash >> 32;
+    }
+    std::size_t slot = hash & (capacity - 1);
+    while (table[slot] != kNone && mesh.vertices.row(table[slot]) != mesh.vertices.row(v)) slot = (slot + 1) & (capacity - 1);
+    if (table[slot] == kNone) table[slot] = v;
+    first[i] = table[slot];
+  }
+  return first;
+}
+
+// Keeps the vertices i with keep[i] == i, in order; facets go through `keep`.
+Mesh renumbered(const MeshView& mesh, const std::vector<Index>& keep) {
+  std::vector<Index> number(keep.size(), kNone);
+  Index count = 0;
+  for (std::size_t i = 0; i < keep.size(); ++i) {
+    if (keep[i] == static_cast<Index>(i)) number[i] = count++;
+  }
+  Mesh result;
+  result.vertices.resize(count, 3);
+  for (std::size_t i = 0; i < keep.size(); ++i) {
+    if (number[i] != kNone) result.vertices.row(number[i]) = mesh.vertices.row(static_cast<Eigen::Index>(i));
+  }
+  result.triangles.resize(mesh.num_facets(), 3);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    for (int k = 0; k < 3; ++k) {
+      const Index target = keep[static_cast<std::size_t>(mesh.triangles(f, k))];
+      result.triangles(f, k) = number[static_cast<std::size_t>(target)];
+    }
+  }
+  return result;
+}
+
+// ---- Topology ----
+
+class MeshUnionFind {
+ public:
+  explicit MeshUnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), std::size_t{0}); }
+  std::size_t find(std::size_t x) {
+    while (parent_[x] != x) x = parent_[x] = parent_[parent_[x]];
+    return x;
+  }
+  void join(std::size_t a, std::size_t b) {
+    a = find(a);
+    b = find(b);
+    parent_[std::max(a, b)] = std::min(a, b);
+  }
+
+ private:
+  std::vector<std::size_t> parent_;
+};
+
+// One side of a facet, as the undirected edge (low, high); corner 3f + k starts the side from corner k to k + 1.
+struct FacetSide {
+  Index high;
+  std::size_t corner;
+};
+
+// All sides of the facets whose indices are in range and distinct, those of one undirected edge together: by their low vertex
+// in `begin[low] … begin[low + 1]` (a counting sort), then by high vertex and facet.
+struct SortedSides {
+  std::vector<std::size_t> begin;
+  std::vector<FacetSide> sides;
+};
+
+SortedSides sorted_sides(const MeshView& mesh, const std::vector<char>& counted) {
+  SortedSides result;
+  result.begin.assign(static_cast<std::size_t>(mesh.num_vertices()) + 1, 0);
+  const auto for_each_side = [&](auto&& body) {
+    for (Index f = 0; f < mesh.num_facets(); ++f) {
+      if (counted[static_cast<std::size_t>(f)] == 0) continue;
+      for (int k = 0; k < 3; ++k) {
+        const Index a = mesh.triangles(f, k), b = mesh.triangles(f, (k + 1) % 3);
+        body(static_cast<std::size_t>(std::min(a, b)), std::max(a, b),
+             3 * static_cast<std::size_t>(f) + static_cast<std::size_t>(k));
+      }
+    }
+  };
+  for_each_side([&](std::size_t low, Index, std::size_t) { ++result.begin[low + 1]; });
+  std::partial_sum(result.begin.begin(), result.begin.end(), result.begin.begin());
+  result.sides.resize(result.begin.back());
+  std::vector<std::size_t> next(result.begin.begin(), result.begin.end() - 1);
+  for_each_side([&](std::size_t low, Index high, std::size_t corner) { result.sides[next[low]++] = {high, corner}; });
+  for (std::size_t v = 0; v + 1 < result.begin.size(); ++v) {
+    std::sort(result.sides.begin() + static_cast<std::ptrdiff_t>(result.begin[v]),
+              result.sides.begin() + static_cast<std::ptrdiff_t>(result.begin[v + 1]),
+              [](const FacetSide& a, const FacetSide& b) { return a.high != b.high ? a.high < b.high : a.corner < b.corner; });
+  }
+  return result;
+}
+
+std::size_t next_corner(std::size_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; }
+
+// Number of distinct roots among the elements with flag set.
+Index count_roots(MeshUnionFind& sets, const std::vector<char>& member) {
+  Index count = 0;
+  for (std::size_t i = 0; i < member.size(); ++i) count += member[i] != 0 && sets.find(i) == i ? 1 : 0;
+  return count;
+}
+
+}  // namespace
+
+void require_usable(const MeshView& mesh) {
+  const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidMesh, "mesh: " + what); };
+  require_index_sizes(mesh);
+  if (mesh.num_facets() == 0) fail("it has no facet; give a surface, not a point set");
+  for (Index v = 0; v < mesh.num_vertices(); ++v) {
+    if (vertex_is_finite(mesh, v)) continue;
+    fail("vertex " + std::to_string(v) + " (0-based) has a coordinate that is NaN or infinite; remove or correct it");
+  }
+  require_indices(mesh);
+  const double area = total_area(mesh);
+  if (!std::isfinite(area)) fail("its area is too large for a double; scale it down");
+  if (!(area > 0)) {
+    fail(
+        "it has no area: the corners of every facet are collinear, or so close that the area underflows; repair it or scale it "
+        "up");
+  }
+}
+
+std::vector<double> facet_areas(const MeshView& mesh) {
+  require_indices(mesh);
+  std::vector<double> areas(static_cast<std::size_t>(mesh.num_facets()));
+  for (Index f = 0; f < mesh.num_facets(); ++f) areas[static_cast<std::size_t>(f)] = facet_area(mesh, f);
+  return areas;
+}
+
+double total_area(const MeshView& mesh) {
+  require_indices(mesh);
+  CompensatedSum sum;
+  for (Index f = 0; f < mesh.num_facets(); ++f) sum.add(facet_area(mesh, f));
+  return sum.value();
+}
+
+Points facet_normals(const MeshView& mesh) {
+  require_indices(mesh);
+  Points normals = Points::Zero(mesh.num_facets(), 3);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    const Vec3 cross = facet_cross(mesh, f).cross;
+    if (cross.squaredNorm() > 0) normals.row(f) = cross.stableNormalized().transpose();
+  }
+  return normals;
+}
+
+Box bounding_box(const MeshView& mesh) {
+  require_indices(mesh);
+  Box box;
+  bool started = false;
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    for (int k = 0; k < 3; ++k) grow_box(box, started, mesh.corner(f, k));
+  }
+  return box;
+}
+
+Mesh remove_isolated_vertices(const MeshView& mesh) {
+  require_indices(mesh);
+  const std::vector<char> used = used_vertices(mesh);
+  std::vector<Index> keep(used.size(), kNone);
+  for (std::size_t v = 0; v < used.size(); ++v) {
+    if (used[v] != 0) keep[v] = static_cast<Index>(v);
+  }
+  return renumbered(mesh, keep);
+}
+
+Mesh merge_equal_vertices(const MeshView& mesh) {
+  require_indices(mesh);
+  return renumbered(mesh, first_equal_vertices(mesh));
+}
+
+TopologyReport topology(const MeshView& mesh) {
+  require_index_sizes(mesh);
+  const auto num_vertices = static_cast<std::size_t>(mesh.num_vertices());
+  TopologyReport report;
+  std::vector<char> counted(static_cast<std::size_t>(mesh.num_facets()), 0);
+  std::vector<char> used(num_vertices, 0);
+  MeshUnionFind surface(num_vertices);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    if (!facet_in_range(mesh, f) || facet_has_repeated_index(mesh, f)) continue;
+    counted[static_cast<std::size_t>(f)] = 1;
+    ++report.facets;
+    for (int k = 0; k < 3; ++k) {
+      used[static_cast<std::size_t>(mesh.triangles(f, k))] = 1;
+      surface.join(static_cast<std::size_t>(mesh.triangles(f, 0)), static_cast<std::size_t>(mesh.triangles(f, k)));
+    }
+  }
+  report.vertices = static_cast<Index>(std::count(used.begin(), used.end(), char{1}));
+  report.components = count_roots(surface, used);
+
+  // Corners of one vertex are joined across the edges they share: one set per fan. (Where three or more facets meet at an edge
+  // they are joined too; the vertices of such an edge are not asked for their fans.)
+  const SortedSides sorted = sorted_sides(mesh, counted);
+  const auto start_of = [&](std::size_t corner) {
+    return static_cast<std::size_t>(mesh.triangles(static_cast<Index>(corner / 3), static_cast<int>(corner % 3)));
+  };
+  MeshUnionFind fans(3 * counted.size());
+  std::vector<std::size_t> boundary_sides;
+  std::vector<char> on_non_manifold_edge(num_vertices, 0);
+  for (std::size_t low = 0; low < num_vertices; ++low) {
+    for (std::size_t i = sorted.begin[low], j = i; i < sorted.begin[low + 1]; i = j) {
+      const auto high = static_cast<std::size_t>(sorted.sides[i].high);
+      const std::size_t first = sorted.sides[i].corner;
+      for (; j < sorted.begin[low + 1] && sorted.sides[j].high == sorted.sides[i].high; ++j) {
+        const std::size_t other = sorted.sides[j].corner;
+        const bool same_direction = start_of(first) == start_of(other);
+        fans.join(first, same_direction ? other : next_corner(other));
+        fans.join(next_corner(first), same_direction ? next_corner(other) : other);
+      }
+      ++report.edges;
+      if (j - i == 1) {
+        boundary_sides.push_back(first);
+      } else if (j - i == 2) {
+        report.inconsistent_edges += start_of(first) == start_of(sorted.sides[i + 1].corner) ? 1 : 0;
+      } else {
+        ++report.non_manifold_edges;
+        on_non_manifold_edge[low] = on_non_manifold_edge[high] = 1;
+      }
+    }
+  }
+  report.euler_characteristic = report.vertices - report.edges + report.facets;
+
+  // The boundary graph, with each vertex split into its fans.
+  MeshUnionFind boundary(3 * counted.size());
+  std::vector<char> on_boundary(3 * counted.size(), 0);
+  for (const std::size_t side : boundary_sides) {
+    const std::size_t a = fans.find(side), b = fans.find(next_corner(side));
+    on_boundary[a] = on_boundary[b] = 1;
+    boundary.join(a, b);
+  }
+  report.boundary_edges = static_cast<Index>(boundary_sides.size());
+  report.boundary_loops = count_roots(boundary, on_boundary);
+
+  std::vector<char> fans_at(num_vertices, 0);  // 0, 1, 2: none, one, more
+  for (std::size_t corner = 0; corner < 3 * counted.size(); ++corner) {
+    if (counted[corner / 3] == 0 || fans.find(corner) != corner) continue;
+    char& count = fans_at[start_of(corner)];
+    if (count < 2) ++count;
+  }
+  for (std::size_t v = 0; v < num_vertices; ++v) {
+    report.non_manifold_vertices += fans_at[v] == 2 && on_non_manifold_edge[v] == 0 ? 1 : 0;
+  }
+  return report;
+}
+
+MeshReport check(const MeshView& mesh) {
+  require_index_sizes(mesh);
+  MeshReport report;
+  report.vertices = mesh.num_vertices();
+  report.facets = mesh.num_facets();
+  const std::vector<char> used = used_vertices(mesh);
+  report.isolated_vertices = static_cast<Index>(std::count(used.begin(), used.end(), char{0}));
+  for (Index v = 0; v < report.vertices; ++v) report.non_finite_vertices += vertex_is_finite(mesh, v) ? 0 : 1;
+  const std::vector<Index> first = first_equal_vertices(mesh);
+  for (std::size_t v = 0; v < first.size(); ++v) report.duplicate_vertices += first[v] == static_cast<Index>(v) ? 0 : 1;
+  CompensatedSum area;
+  bool box_started = false;
+  for (Index f = 0; f < report.facets; ++f) {
+    if (!facet_in_range(mesh, f)) {
+      ++report.out_of_range_facets;
+      continue;
+    }
+    const bool repeated = facet_has_repeated_index(mesh, f);
+    report.repeated_index_facets += repeated ? 1 : 0;
+    if (!facet_is_finite(mesh, f)) continue;
+    for (int k = 0; k < 3; ++k) grow_box(report.box, box_started, mesh.corner(f, k));
+    area.add(facet_area(mesh, f));
+    const Vec3 a = mesh.corner(f, 0), b = mesh.corner(f, 1), c = mesh.corner(f, 2);
+    report.zero_area_facets += !repeated && collinear(a.data(), b.data(), c.data()) ? 1 : 0;
+  }
+  report.area = area.value();
+  report.topology = topology(mesh);
+  return report;
+}
+
+std::ostream& operator<<(std::ostream& out, const TopologyReport& report) {
+  out << "vertices " << report.vertices << ", edges " << report.edges << ", facets " << report.facets << ", components "
+      << report.components << ", Euler characteristic " << report.euler_characteristic << ", "
+      << (report.closed() ? "closed" : "not closed") << ", boundary loops " << report.boundary_loops << " ("
+      << report.boundary_edges << " edges), non-manifold edges " << report.non_manifold_edges << ", non-manifold vertices "
+      << report.non_manifold_vertices << ", inconsistent edges " << report.inconsistent_edges;
+  if (report.manifold() && report.inconsistent_edges == 0) out << ", genus " << report.genus();
+  return out;
+}
+
+std::ostream& operator<<(std::ostream& out, const MeshReport& report) {
+  out << "vertices               " << report.vertices << "\nfacets                 " << report.facets
+      << "\narea                   " << report.area << "\nbox                    [" << report.box.min.transpose() << "] to ["
+      << report.box.max.transpose() << "]\ntopology               " << report.topology << "\nnon-finite vertices    "
+      << report.non_finite_vertices << "\nout-of-range facets    " << report.out_of_range_facets << "\nrepeated-index facets  "
+      << report.repeated_index_facets << "\nzero-area facets       " << report.zero_area_facets << "\nduplicate vertices     "
+      << report.duplicate_vertices << "\nisolated vertices      " << report.isolated_vertices << "\nusable                 "
+      << (report.usable() ? "yes" : "no") << '\n';
+  return out;
+}
+
+}  // namespace amps

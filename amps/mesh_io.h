@@ -1,0 +1,74 @@
+// mesh_io.h: meshes and sample sets from and to files, streams and memory.
+//
+// Meshes: OBJ, OFF (text and binary, with C/N/ST prefixes), PLY (ascii, both binary byte orders), STL (ascii, binary).
+// Samples: .xyzr (one `x y z r` a line), .ply and .csv. Nothing here depends on the locale, prints, or leaves a file half
+// written. Every reader refuses what it cannot make sense of with one line that names the file, the line (text) or byte
+// (binary), the trouble and the remedy.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/mesh.h"
+#include "amps/sampling.h"
+
+#include <filesystem>
+#include <iosfwd>
+#include <string>
+#include <string_view>
+
+namespace amps {
+
+enum class MeshFormat { kObj, kOff, kPly, kStl };
+enum class SampleFormat { kXyzr, kPly, kCsv };
+
+/// The format a file name's extension stands for, upper or lower case (.obj .off .ply .stl; .xyzr .ply .csv). The file need
+/// not exist. Throws Error(kFileFormat) for any other extension.
+MeshFormat mesh_format(const std::filesystem::path& path);
+SampleFormat sample_format(const std::filesystem::path& path);
+
+/// Reads a triangle mesh. Polygons are cut into a fan from their first corner, keeping their orientation; faces of fewer than
+/// three corners are dropped; triangles with repeated indices are kept (check() reports them). Vertices keep number and order,
+/// but those of an STL, which has none, are merged where equal. Normals, colours, texture coordinates, materials and groups
+/// are skipped. An OFF or PLY file may hold no facet at all; an OBJ file must have a vertex, an ascii STL its `endsolid`.
+///
+/// Throws Error: kFileNotFound (cannot be opened or read), kFileFormat (unknown extension, cut short, not this format,
+/// a coordinate that is not a finite number, an index out of range, counts larger than the file), kTooLarge (more vertices or
+/// facets than an Index counts). O(file size) time; memory a small multiple of the file. Thread-safe.
+Mesh read_mesh(const std::filesystem::path& path);
+
+/// The same from a stream, read to its end (open it in binary mode), or from memory. `name` stands for the file in errors.
+Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name = "stream");
+Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name = "memory");
+
+struct MeshWriteOptions {
+  /// PLY as text instead of binary_little_endian. Both hold doubles exactly.
+  bool ascii_ply = false;
+};
+
+/// Writes a mesh in the format of the extension. Reading it back gives the same bits from OBJ, OFF and PLY: numbers in text are
+/// the shortest that read back exactly (at most 17 significant digits), those in PLY are doubles. STL is binary and keeps
+/// single precision only.
+///
+/// The file is written under a temporary name in the same directory and renamed when complete, so a failure leaves what was
+/// there before, and no temporary. An existing file keeps its permissions; a link is followed; a device or pipe is written in
+/// place. Throws Error: kFileNotFound (no directory, no permission, disk full), kFileFormat (unknown extension), kInvalidMesh
+/// (coordinates that are not finite, or not in single precision for STL; indices out of range). O(#V + #F).
+void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options = {});
+
+/// The same to a stream (open it in binary mode; Error(kFileNotFound) if it fails), or to memory.
+void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {});
+std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {});
+
+/// Reads a sample set. .xyzr: four numbers a line; blank lines and `#` comments are skipped. .csv: a header line naming the
+/// columns x, y, z, radius (or r) and, optionally, facet, b0, b1, b2 in any order; other columns are skipped. .ply: vertex
+/// properties of these names. Facets and barycentrics are filled if all four columns are there and left empty otherwise.
+/// Throws as read_mesh, and kFileFormat for a radius that is not > 0, a facet that is not an index, a file with no sample.
+SampleSet read_samples(const std::filesystem::path& path);
+SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name = "memory");
+
+/// Writes a sample set so that reading it gives the same bits; .ply (binary) and .csv carry facets and barycentrics if present,
+/// .xyzr never. Files are replaced as by write_mesh. Throws as write_mesh, and kInvalidArgument for a set that is empty, whose
+/// arrays differ in length, or with a value read_samples would refuse.
+void write_samples(const std::filesystem::path& path, const SampleSet& samples);
+std::string format_samples(const SampleSet& samples, SampleFormat format);
+
+}  // namespace amps

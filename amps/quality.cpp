@@ -1,0 +1,174 @@
+#include "amps/quality.h"
+
+#include "amps/exact.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <iomanip>
+#include <limits>
+#include <locale>
+#include <ostream>
+#include <sstream>
+#include <vector>
+
+namespace amps {
+namespace {
+
+struct FacetShape {
+  double area;
+  double smallest_angle, largest_angle;  ///< degrees
+  bool obtuse;
+  double q;
+};
+
+FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
+  const Vec3 corners[3] = {a, b, c};
+  Vec3 edges[3];  // edge k lies opposite of corner k
+  double lengths[3];
+  for (int k = 0; k < 3; ++k) {
+    edges[k] = corners[(k + 2) % 3] - corners[(k + 1) % 3];
+    lengths[k] = edges[k].norm();
+  }
+  const int longest = static_cast<int>(std::max_element(lengths, lengths + 3) - lengths);
+  // Twice the area, from the two shorter edges: its error is relative to their product, the least of the three choices.
+  const double twice_area = edges[(longest + 1) % 3].cross(edges[(longest + 2) % 3]).norm();
+  if (!(twice_area > 0)) return {0, 0, 180, true, 0};
+
+  constexpr double kToDegrees = 180 / 3.14159265358979323846;
+  FacetShape shape{twice_area / 2, 180, 0, false, 0};
+  for (int k = 0; k < 3; ++k) {
+    const double dot = -edges[(k + 1) % 3].dot(edges[(k + 2) % 3]);  // one of the two leads to the corner, one away from it
+    const double angle = std::atan2(twice_area, dot) * kToDegrees;
+    shape.smallest_angle = std::min(shape.smallest_angle, angle);
+    shape.largest_angle = std::max(shape.largest_angle, angle);
+    shape.obtuse |= dot < 0;
+  }
+  const double half_perimeter = (lengths[0] + lengths[1] + lengths[2]) / 2;
+  shape.q = 6 / std::sqrt(3.0) * shape.area / (half_perimeter * lengths[longest]);
+  return shape;
+}
+
+bool quality_skips(const TrianglesView& triangles, Index f) {
+  return triangles(f, 0) == triangles(f, 1) || triangles(f, 1) == triangles(f, 2) || triangles(f, 2) == triangles(f, 0);
+}
+
+void measure_facets(const MeshView& mesh, QualityReport& report) {
+  report.min_angle = 180;
+  report.min_q = 1;
+  double smallest_area = std::numeric_limits<double>::infinity();
+  double largest_area = 0;
+  Index below_30 = 0;
+  Index above_90 = 0;
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    if (quality_skips(mesh.triangles, f)) continue;
+    const FacetShape shape = facet_shape(mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2));
+    ++report.triangles;
+    report.min_angle = std::min(report.min_angle, shape.smallest_angle);
+    report.max_angle = std::max(report.max_angle, shape.largest_angle);
+    report.mean_min_angle += shape.smallest_angle;
+    report.min_q = std::min(report.min_q, shape.q);
+    report.mean_q += shape.q;
+    below_30 += shape.smallest_angle < 30;
+    above_90 += shape.obtuse;
+    smallest_area = std::min(smallest_area, shape.area);
+    largest_area = std::max(largest_area, shape.area);
+  }
+  if (report.triangles == 0) {
+    report.min_angle = 0;
+    report.min_q = 0;
+    return;
+  }
+  const double n = report.triangles;
+  report.mean_min_angle /= n;
+  report.mean_q /= n;
+  report.below_30 = 100 * below_30 / n;
+  report.above_90 = 100 * above_90 / n;
+  report.area_ratio = largest_area > 0 ? smallest_area / largest_area : 0;
+}
+
+/// Distinct edges, bucketed by their smaller vertex: linear but for the sorting within a bucket.
+void measure_edges(const MeshView& mesh, QualityReport& report) {
+  const auto num_vertices = static_cast<std::size_t>(mesh.num_vertices());
+  std::vector<std::size_t> start(num_vertices + 1, 0);
+  const auto for_each_side = [&mesh](const auto& body) {
+    for (Index f = 0; f < mesh.num_facets(); ++f) {
+      if (quality_skips(mesh.triangles, f)) continue;
+      for (int k = 0; k < 3; ++k) {
+        const Index a = mesh.triangles(f, k);
+        const Index b = mesh.triangles(f, (k + 1) % 3);
+        body(static_cast<std::size_t>(std::min(a, b)), std::max(a, b));
+      }
+    }
+  };
+  for_each_side([&](std::size_t low, Index) { ++start[low + 1]; });
+  for (std::size_t v = 0; v < num_vertices; ++v) start[v + 1] += start[v];
+  std::vector<Index> other(start[num_vertices]);
+  std::vector<std::size_t> fill(start.begin(), start.end() - 1);
+  for_each_side([&](std::size_t low, Index high) { other[fill[low]++] = high; });
+
+  std::vector<Index> degree(num_vertices, 0);
+  std::vector<char> on_boundary(num_vertices, 0);
+  std::size_t edges = 0;
+  for (std::size_t low = 0; low < num_vertices; ++low) {
+    const auto begin = other.begin() + static_cast<std::ptrdiff_t>(start[low]);
+    const auto end = other.begin() + static_cast<std::ptrdiff_t>(start[low + 1]);
+    std::sort(begin, end);
+    for (auto run = begin; run != end;) {
+      const Index high = *run;
+      const auto run_end = std::upper_bound(run, end, high);
+      const double length = (mesh.vertices.row(static_cast<Index>(low)) - mesh.vertices.row(high)).norm();
+      report.min_edge = edges == 0 ? length : std::min(report.min_edge, length);
+      report.max_edge = std::max(report.max_edge, length);
+      report.mean_edge += length;
+      ++edges;
+      ++degree[low];
+      ++degree[static_cast<std::size_t>(high)];
+      if (run_end - run == 1) on_boundary[low] = on_boundary[static_cast<std::size_t>(high)] = 1;
+      run = run_end;
+    }
+  }
+  if (edges > 0) report.mean_edge /= static_cast<double>(edges);
+
+  Index good = 0;
+  for (std::size_t v = 0; v < num_vertices; ++v) {
+    if (degree[v] == 0 || on_boundary[v] != 0) continue;
+    ++report.interior_vertices;
+    ++report.valence[std::min(static_cast<std::size_t>(degree[v]), report.valence.size() - 1)];
+    good += degree[v] >= 5 && degree[v] <= 7;
+  }
+  if (report.interior_vertices > 0) report.valence_5_6_7 = 100.0 * good / report.interior_vertices;
+}
+
+}  // namespace
+
+QualityReport quality(const MeshView& mesh) {
+  QualityReport report;
+  measure_facets(mesh, report);
+  measure_edges(mesh, report);
+  return report;
+}
+
+std::ostream& operator<<(std::ostream& out, const QualityReport& report) {
+  std::ostringstream text;  // neither the caller's format nor its locale
+  text.imbue(std::locale::classic());
+  text << std::fixed << std::setprecision(2);
+  text << "triangles " << report.triangles << "\n";
+  text << "angles    min " << report.min_angle << ", max " << report.max_angle << ", mean of smallest " << report.mean_min_angle
+       << " degrees; below 30: " << report.below_30 << " %, above 90: " << report.above_90 << " %\n";
+  text << std::setprecision(4) << "Q         min " << report.min_q << ", mean " << report.mean_q << "; smallest/largest area "
+       << report.area_ratio << "\n";
+  text << std::defaultfloat << std::setprecision(6) << "edges     min " << report.min_edge << ", max " << report.max_edge
+       << ", mean " << report.mean_edge << "\n";
+  text << std::fixed << std::setprecision(2) << "valence   5 to 7: " << report.valence_5_6_7 << " % of "
+       << report.interior_vertices << " interior vertices;";
+  for (std::size_t d = 0; d < report.valence.size(); ++d) {
+    if (report.valence[d] > 0) text << " " << d << (d + 1 == report.valence.size() ? "+:" : ":") << report.valence[d];
+  }
+  text << "\n";
+  return out << text.str();
+}
+
+}  // namespace amps

@@ -1,0 +1,962 @@
+// amps_cli.cpp: the command-line program `amps` — maximal Poisson-disk sampling and remeshing of mesh files.
+//
+//   amps remesh bunny.obj out.obj --vertices 12000
+//
+// Read from the bottom: main() finds the command, parses its options and runs it. A command reads, works, writes and prints a
+// table, in that order. Exit codes: 0 done, 2 bad input or usage (one line on stderr says what to do), 3 `gaps` found some, 130
+// interrupted.
+
+#include "amps/amps.h"
+#include "render_png.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdarg>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <new>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#ifdef _WIN32
+#include <io.h>
+#else
+#include <unistd.h>
+#endif
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kExitDone = 0;
+constexpr int kExitTrouble = 2;
+constexpr int kExitGaps = 3;
+constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as a shell reports it
+
+/// The user's doing: printed as one line.
+struct UsageError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct Interrupted {};
+
+// --- Text -----------------------------------------------------------------------------------------------------------
+
+#if defined(__GNUC__)
+__attribute__((format(printf, 1, 2)))
+#endif
+std::string
+format(const char* pattern, ...) {
+  char buffer[512];
+  std::va_list arguments;
+  va_start(arguments, pattern);
+  std::vsnprintf(buffer, sizeof buffer, pattern, arguments);
+  va_end(arguments);
+  return buffer;
+}
+
+std::string number(double x) { return format("%.6g", x); }
+std::string number(amps::Index n) { return std::to_string(n); }
+
+/// The table on stdout: a name and one or two values a row.
+class Table {
+ public:
+  explicit Table(bool quiet) : quiet_(quiet) {}
+  void row(const char* name, const std::string& value) const {
+    if (!quiet_) std::printf("%-22s %s\n", name, value.c_str());
+  }
+  void row(const char* name, const std::string& first, const std::string& second) const {
+    if (!quiet_) std::printf("%-22s %-14s %s\n", name, first.c_str(), second.c_str());
+  }
+
+ private:
+  bool quiet_;
+};
+
+/// JSON text, built in one pass. Numbers read back to the same bits; infinities and NaN, which JSON lacks, become null.
+class Json {
+ public:
+  Json& open(const char* key = nullptr) {
+    next(key);
+    text_ += '{';
+    first_ = true;
+    ++depth_;
+    return *this;
+  }
+  Json& close() {
+    --depth_;
+    newline();
+    text_ += '}';
+    first_ = false;
+    return *this;
+  }
+  Json& add(const char* key, double value) { return raw(key, std::isfinite(value) ? format("%.17g", value) : "null"); }
+  Json& add(const char* key, int value) { return raw(key, std::to_string(value)); }
+  Json& add(const char* key, std::uint64_t value) { return raw(key, std::to_string(value)); }
+  Json& add(const char* key, bool value) { return raw(key, value ? "true" : "false"); }
+  Json& add(const char* key, const std::string& value) { return raw(key, quoted(value)); }
+  template <class Range>
+  Json& add_list(const char* key, const Range& values) {
+    std::string list;
+    for (const auto& value : values) list += (list.empty() ? "" : ", ") + std::to_string(value);
+    return raw(key, "[" + list + "]");
+  }
+  std::string text() const { return text_ + "\n"; }
+
+ private:
+  Json& raw(const char* key, const std::string& value) {
+    next(key);
+    text_ += value;
+    return *this;
+  }
+  void next(const char* key) {
+    if (depth_ > 0) {
+      if (!first_) text_ += ',';
+      newline();
+    }
+    first_ = false;
+    if (key != nullptr) text_ += quoted(key) + ": ";
+  }
+  void newline() { text_ += '\n' + std::string(static_cast<std::size_t>(2 * depth_), ' '); }
+  static std::string quoted(const std::string& s) {
+    std::string out = "\"";
+    for (const char c : s) {
+      if (c == '"' || c == '\\') {
+        out += '\\';
+        out += c;
+      } else if (static_cast<unsigned char>(c) < 0x20) {
+        out += format("\\u%04x", static_cast<unsigned>(c));
+      } else {
+        out += c;
+      }
+    }
+    return out + '"';
+  }
+
+  std::string text_;
+  int depth_ = 0;
+  bool first_ = true;
+};
+
+// --- Options --------------------------------------------------------------------------------------------------------
+
+struct Option {
+  const char* name;   ///< with its dashes
+  const char* value;  ///< what to call its value; nullptr: none
+  const char* help;
+};
+
+class Arguments;
+
+struct Command {
+  const char* name;
+  const char* operands;  ///< as in the synopsis; those in brackets may be left out
+  const char* summary;
+  const char* details;
+  std::vector<Option> options;
+  int (*run)(const Arguments&);
+};
+
+const std::vector<Option>& common_options() {
+  static const std::vector<Option> kCommon{
+      {"--quiet", nullptr, "print nothing but errors"},
+      {"--help", nullptr, "print this and exit"},
+  };
+  return kCommon;
+}
+
+/// What a command was called with. Getters throw UsageError naming the option and what it wants.
+class Arguments {
+ public:
+  Arguments(const Command& command, const std::vector<std::string>& words);
+
+  bool has(const std::string& name) const { return values_.count(name) != 0; }
+  bool quiet() const { return has("--quiet"); }
+  const std::string& operand(std::size_t i) const { return operands_[i]; }
+  std::size_t operands() const { return operands_.size(); }
+  std::string text(const std::string& name, const std::string& missing = "") const {
+    const auto found = values_.find(name);
+    return found == values_.end() ? missing : found->second;
+  }
+
+  double real(const std::string& name, double missing, double low, double high) const {
+    if (!has(name)) return missing;
+    const double value = real(name);
+    if (!(value >= low && value <= high)) throw refused(name, "a number from " + number(low) + " to " + number(high));
+    return value;
+  }
+  /// A length; 0 if missing.
+  double positive(const std::string& name) const {
+    if (!has(name)) return 0;
+    const double value = real(name);
+    if (!(value > 0)) throw refused(name, "a number above 0");
+    return value;
+  }
+
+  std::uint64_t whole(const std::string& name, std::uint64_t missing, std::uint64_t low, std::uint64_t high) const {
+    if (!has(name)) return missing;
+    const std::string word = text(name);
+    std::uint64_t value = 0;
+    bool fits = !word.empty();
+    for (const char c : word) {
+      if (c < '0' || c > '9') throw refused(name, "a whole number");
+      const auto digit = static_cast<std::uint64_t>(c - '0');
+      fits = fits && value <= (UINT64_MAX - digit) / 10;
+      value = value * 10 + digit;
+    }
+    if (!fits || value < low || value > high) {
+      throw refused(name, "a whole number from " + std::to_string(low) + " to " + std::to_string(high));
+    }
+    return value;
+  }
+
+  UsageError error(const std::string& trouble) const {
+    return UsageError("amps " + std::string(command_->name) + ": " + trouble + " (see 'amps " + command_->name + " --help')");
+  }
+
+ private:
+  double real(const std::string& name) const {
+    const std::string word = text(name);
+    char* end = nullptr;
+    const double value = std::strtod(word.c_str(), &end);
+    if (word.empty() || *end != '\0' || !std::isfinite(value)) throw refused(name, "a number");
+    return value;
+  }
+  UsageError refused(const std::string& name, const std::string& wanted) const {
+    return error(name + " wants " + wanted + ", not '" + text(name) + "'");
+  }
+
+  const Command* command_;
+  std::vector<std::string> operands_;
+  std::map<std::string, std::string> values_;
+};
+
+/// Insertions, deletions and changes of a letter that make one word of the other (Levenshtein).
+std::size_t edit_distance(const std::string& a, const std::string& b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t change = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({change, row[j] + 1, diagonal + 1});
+    }
+  }
+  return row.back();
+}
+
+std::string did_you_mean(const std::string& word, const std::vector<std::string>& known) {
+  for (const std::string& candidate : known) {
+    if (edit_distance(word, candidate) <= 2) return ", did you mean " + candidate + "?";
+  }
+  return "";
+}
+
+Arguments::Arguments(const Command& command, const std::vector<std::string>& words) : command_(&command) {
+  std::vector<Option> options = command.options;
+  options.insert(options.end(), common_options().begin(), common_options().end());
+  bool only_operands = false;  // after "--"
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    std::string word = words[i];
+    if (only_operands || word.size() < 2 || word[0] != '-') {
+      operands_.push_back(word);
+      continue;
+    }
+    if (word == "--") {
+      only_operands = true;
+      continue;
+    }
+    if (word == "-h") word = "--help";
+    if (word == "-q") word = "--quiet";
+    const std::size_t equals = word.find('=');
+    const std::string name = word.substr(0, equals);
+    const auto option = std::find_if(options.begin(), options.end(), [&](const Option& o) { return name == o.name; });
+    if (option == options.end()) {
+      std::vector<std::string> known;
+      for (const Option& o : options) known.emplace_back(o.name);
+      throw error("unknown option " + name + did_you_mean(name, known));
+    }
+    if (has(name)) throw error(name + " is given twice");
+    if (option->value == nullptr) {
+      if (equals != std::string::npos) throw error(name + " takes no value");
+      values_[name];
+    } else if (equals != std::string::npos) {
+      values_[name] = word.substr(equals + 1);
+    } else if (i + 1 < words.size()) {
+      values_[name] = words[++i];
+    } else {
+      throw error(std::string(name) + " needs a value: " + name + " " + option->value);
+    }
+  }
+  if (has("--help")) return;
+  const std::string synopsis = command.operands;
+  const auto most = static_cast<std::size_t>(std::count(synopsis.begin(), synopsis.end(), ' ')) + 1;
+  const std::size_t least = most - static_cast<std::size_t>(std::count(synopsis.begin(), synopsis.end(), '['));
+  if (operands_.size() < least) throw error("too few arguments, it wants " + synopsis);
+  if (operands_.size() > most) throw error("one argument too many: '" + operands_[most] + "'");
+}
+
+// --- Time, progress, interruption -----------------------------------------------------------------------------------
+
+class Stopwatch {
+ public:
+  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+volatile std::sig_atomic_t interrupted = 0;
+
+extern "C" void on_interrupt(int) {
+  interrupted = 1;
+  std::signal(SIGINT, SIG_DFL);  // a second one ends the program at once
+}
+
+bool stderr_is_terminal() {
+#ifdef _WIN32
+  return _isatty(_fileno(stderr)) != 0;
+#else
+  return isatty(fileno(stderr)) != 0;
+#endif
+}
+
+/// While it lives, SIGINT cancels `progress` and a terminal shows a bar.
+class Watch {
+ public:
+  explicit Watch(bool quiet) : bar_(!quiet && stderr_is_terminal()) {
+    previous_ = std::signal(SIGINT, on_interrupt);
+    if (previous_ == SIG_IGN) std::signal(SIGINT, SIG_IGN);  // as in the background of a script
+    progress = amps::Progress([this](const char* stage, double fraction) {
+      if (bar_) draw(stage, fraction);
+      return interrupted == 0;
+    });
+  }
+  ~Watch() {
+    if (drawn_) std::fprintf(stderr, "\r%*s\r", kWidth + 40, "");
+    std::signal(SIGINT, previous_);
+  }
+  Watch(const Watch&) = delete;
+  Watch& operator=(const Watch&) = delete;
+
+  /// Throws if the user, and not the work, ended it.
+  void check(amps::Status status) const {
+    if (interrupted != 0 || status == amps::Status::kCancelled) throw Interrupted();
+  }
+
+  amps::Progress progress;
+
+ private:
+  static constexpr int kWidth = 40;
+  static constexpr double kSecondsBetween = 0.05;
+
+  void draw(const char* stage, double fraction) {
+    if (drawn_ && last_.seconds() < kSecondsBetween) return;
+    last_ = Stopwatch();
+    drawn_ = true;
+    const int filled = static_cast<int>(std::clamp(fraction, 0.0, 1.0) * kWidth);
+    const std::string bar =
+        std::string(static_cast<std::size_t>(filled), '#') + std::string(static_cast<std::size_t>(kWidth - filled), '.');
+    std::fprintf(stderr, "\r%-24.24s [%s] %3d %%", stage, bar.c_str(), static_cast<int>(100 * std::clamp(fraction, 0.0, 1.0)));
+  }
+
+  bool bar_;
+  bool drawn_ = false;
+  void (*previous_)(int) = SIG_DFL;
+  Stopwatch last_;
+};
+
+// --- Files ----------------------------------------------------------------------------------------------------------
+
+/// Finds out before the work, not after it, that a result could not be written.
+void require_writable(const Arguments& arguments, const fs::path& path) {
+  std::error_code ignored;
+  if (path.empty()) throw arguments.error("the name of an output file is empty");
+  if (fs::is_directory(path, ignored)) throw arguments.error(path.string() + " is a directory, name a file in it");
+  const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  if (!fs::is_directory(directory, ignored)) {
+    throw arguments.error("cannot write " + path.string() + ": there is no directory " + directory.string() +
+                          ", make it first");
+  }
+}
+
+/// Writes all or nothing, as the library's writers do.
+void write_file(const fs::path& path, const std::string& bytes) {
+  std::error_code ignored;
+  const bool in_place = fs::exists(path, ignored) && !fs::is_regular_file(path, ignored);  // a device or pipe
+  fs::path temporary = path;
+  if (!in_place) temporary += ".part";
+  std::ofstream out(temporary, std::ios::binary);
+  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  out.close();
+  std::error_code trouble;
+  if (out && !in_place) fs::rename(temporary, path, trouble);
+  if (!out || trouble) {
+    if (!in_place) fs::remove(temporary, ignored);
+    throw amps::Error(amps::ErrorCode::kFileNotFound,
+                      "cannot write " + path.string() + "; check that its directory can be written to and has space");
+  }
+}
+
+/// Reads a mesh that can be sampled; errors name the file.
+amps::Mesh load(const fs::path& path) {
+  amps::Mesh mesh = amps::read_mesh(path);
+  try {
+    amps::require_usable(mesh);
+  } catch (const amps::Error& error) {
+    throw amps::Error(error.code(), path.string() + ": " + error.what());
+  }
+  return mesh;
+}
+
+/// The extension decides the format: an unknown one is refused here.
+void require_mesh_output(const Arguments& arguments, const std::string& path) {
+  require_writable(arguments, path);
+  amps::mesh_format(path);
+}
+
+void require_sample_output(const Arguments& arguments, const std::string& path) {
+  require_writable(arguments, path);
+  amps::sample_format(path);
+}
+
+// --- What several commands print ------------------------------------------------------------------------------------
+
+void print_topology(const Table& table, const amps::TopologyReport& in, const amps::TopologyReport& out) {
+  const auto row = [&](const char* name, amps::Index amps::TopologyReport::*member) {
+    table.row(name, number(in.*member), number(out.*member));
+  };
+  row("components", &amps::TopologyReport::components);
+  row("Euler characteristic", &amps::TopologyReport::euler_characteristic);
+  row("boundary loops", &amps::TopologyReport::boundary_loops);
+  row("non-manifold edges", &amps::TopologyReport::non_manifold_edges);
+  row("non-manifold vertices", &amps::TopologyReport::non_manifold_vertices);
+}
+
+void add_topology(Json& json, const char* key, const amps::TopologyReport& report) {
+  json.open(key)
+      .add("vertices", report.vertices)
+      .add("edges", report.edges)
+      .add("triangles", report.facets)
+      .add("components", report.components)
+      .add("euler_characteristic", report.euler_characteristic)
+      .add("boundary_edges", report.boundary_edges)
+      .add("boundary_loops", report.boundary_loops)
+      .add("non_manifold_edges", report.non_manifold_edges)
+      .add("non_manifold_vertices", report.non_manifold_vertices)
+      .add("inconsistent_edges", report.inconsistent_edges)
+      .close();
+}
+
+void print_maximality(const Table& table, const amps::MaximalityReport& report) {
+  table.row("worst coverage", format("%.9f r   (maximal: at most 1)", report.worst_coverage));
+  if (std::isfinite(report.worst_separation)) {
+    table.row("worst separation", format("%.9f r   (Poisson-disk: at least 1)", report.worst_separation));
+  } else {
+    table.row("worst separation", "none, there is one sample");
+  }
+}
+
+void add_maximality(Json& json, const amps::MaximalityReport& report) {
+  json.open("maximality")
+      .add("maximal", report.maximal())
+      .add("poisson_disk", report.poisson_disk())
+      .add("worst_coverage", report.worst_coverage)
+      .add("worst_separation", report.worst_separation)
+      .add("gaps", report.gaps)
+      .add("gap_area", report.gap_area)
+      .close();
+}
+
+void print_quality(const Table& table, const amps::QualityReport& report, double radius) {
+  table.row("angles", format("%.2f to %.2f degrees", report.min_angle, report.max_angle));
+  table.row("mean smallest angle", format("%.2f degrees", report.mean_min_angle));
+  if (radius > 0) {
+    table.row("edges / r", format("%.6f to %.6f", report.min_edge / radius, report.max_edge / radius));
+  } else {
+    table.row("edges", format("%.6g to %.6g, mean %.6g", report.min_edge, report.max_edge, report.mean_edge));
+  }
+  if (report.interior_vertices > 0) table.row("valence 5 to 7", format("%.2f %%", report.valence_5_6_7));
+}
+
+void add_quality(Json& json, const amps::QualityReport& report, double radius) {
+  json.open("quality")
+      .add("triangles", report.triangles)
+      .add("min_angle", report.min_angle)
+      .add("max_angle", report.max_angle)
+      .add("mean_min_angle", report.mean_min_angle)
+      .add("percent_below_30", report.below_30)
+      .add("percent_above_90", report.above_90)
+      .add("min_edge", report.min_edge)
+      .add("max_edge", report.max_edge)
+      .add("mean_edge", report.mean_edge);
+  if (radius > 0)
+    json.add("min_edge_over_radius", report.min_edge / radius).add("max_edge_over_radius", report.max_edge / radius);
+  json.add("min_q", report.min_q)
+      .add("mean_q", report.mean_q)
+      .add("area_ratio", report.area_ratio)
+      .add("interior_vertices", report.interior_vertices)
+      .add("percent_valence_5_6_7", report.valence_5_6_7)
+      .add_list("valence", report.valence)
+      .close();
+}
+
+/// Wall-clock seconds by stage, in order.
+using Seconds = std::vector<std::pair<const char*, double>>;
+
+Seconds seconds_of(const amps::SamplingReport& report) {
+  return {{"darts", report.seconds_darts},
+          {"triangulation", report.seconds_triangulation},
+          {"diagram", report.seconds_diagram},
+          {"gaps", report.seconds_gaps}};
+}
+
+void print_seconds(const Table& table, const Seconds& seconds) {
+  std::string line;
+  for (const auto& [stage, s] : seconds) line += format("%s%s %.3f", line.empty() ? "" : ", ", stage, s);
+  table.row("seconds", line);
+}
+
+void add_seconds(Json& json, const Seconds& seconds) {
+  json.open("seconds");
+  for (const auto& [stage, s] : seconds) json.add(stage, s);
+  json.close();
+}
+
+void add_sampling(Json& json, const amps::SamplingOptions& options, const amps::SamplingReport& report) {
+  json.add("radius", report.radius)
+      .add("seed", options.seed)
+      .open("sampling")
+      .add("darts", report.darts)
+      .add("dart_samples", report.dart_samples)
+      .add("gap_samples", report.gap_samples)
+      .add("attempts", report.attempts)
+      .close();
+}
+
+/// The head of every statistics file.
+Json begin_json(const char* command) {
+  Json json;
+  json.open()
+      .add("program", std::string("amps"))
+      .add("version", format("%d.%d.%d", AMPS_VERSION_MAJOR, AMPS_VERSION_MINOR, AMPS_VERSION_PATCH));
+  json.add("command", std::string(command));
+  return json;
+}
+
+void write_json(const Arguments& arguments, Json& json) {
+  if (arguments.has("--json")) write_file(arguments.text("--json"), json.close().text());
+}
+
+// --- Commands -------------------------------------------------------------------------------------------------------
+
+constexpr std::uint64_t kMostVertices = 1u << 30;
+constexpr std::uint64_t kMostThreads = 1024;
+
+unsigned threads_of(const Arguments& arguments) {
+  return static_cast<unsigned>(arguments.whole("--threads", 0, 0, kMostThreads));
+}
+
+amps::SamplingOptions sampling_options(const Arguments& arguments) {
+  if (arguments.has("--radius") == arguments.has("--vertices")) {
+    throw arguments.error("say how dense: either --radius R or --vertices N");
+  }
+  amps::SamplingOptions options;
+  options.radius = arguments.positive("--radius");
+  options.target_count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
+  options.seed = arguments.whole("--seed", options.seed, 0, UINT64_MAX);
+  options.threads = threads_of(arguments);
+  return options;
+}
+
+int run_sample(const Arguments& arguments) {
+  amps::SamplingOptions options = sampling_options(arguments);
+  require_sample_output(arguments, arguments.operand(1));
+  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+
+  const Stopwatch total;
+  const amps::Mesh mesh = load(arguments.operand(0));
+  const double seconds_read = total.seconds();
+  amps::SamplingResult result;
+  amps::MaximalityReport certificate;
+  double seconds_verify = 0;
+  {
+    Watch watch(arguments.quiet());
+    options.progress = watch.progress;
+    result = amps::sample(mesh, options);
+    watch.check(result.status);
+    const Stopwatch verify;
+    certificate = amps::verify_maximal(mesh, result.samples, options.threads);
+    seconds_verify = verify.seconds();
+    watch.check(result.status);
+  }
+  const Stopwatch write;
+  amps::write_samples(arguments.operand(1), result.samples);
+  Seconds seconds{{"read", seconds_read}};
+  for (const auto& stage : seconds_of(result.report)) seconds.push_back(stage);
+  seconds.insert(seconds.end(), {{"verify", seconds_verify}, {"write", write.seconds()}, {"total", total.seconds()}});
+
+  Json json = begin_json("sample");
+  json.add("samples", result.samples.size());
+  add_sampling(json, options, result.report);
+  add_maximality(json, certificate);
+  add_seconds(json, seconds);
+  write_json(arguments, json);
+
+  const Table table(arguments.quiet());
+  table.row("samples", number(result.samples.size()));
+  table.row("of darts and of gaps", number(result.report.dart_samples) + " and " + number(result.report.gap_samples));
+  table.row("radius r", number(result.report.radius));
+  print_maximality(table, certificate);
+  print_seconds(table, seconds);
+  return kExitDone;
+}
+
+int run_remesh(const Arguments& arguments) {
+  amps::RemeshOptions options;
+  options.sampling = sampling_options(arguments);
+  require_mesh_output(arguments, arguments.operand(1));
+  if (arguments.has("--samples")) require_sample_output(arguments, arguments.text("--samples"));
+  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+
+  const Stopwatch total;
+  const amps::Mesh mesh = load(arguments.operand(0));
+  const double seconds_read = total.seconds();
+  const Stopwatch work;
+  amps::RemeshResult result;
+  {
+    Watch watch(arguments.quiet());
+    options.sampling.progress = watch.progress;
+    result = amps::remesh(mesh, options);
+    watch.check(result.status);
+  }
+  const double seconds_work = work.seconds();
+  const Stopwatch write;
+  if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
+  amps::write_mesh(arguments.operand(1), result.mesh);
+  const double seconds_write = write.seconds();
+
+  const amps::RemeshReport& report = result.report;
+  const double radius = report.sampling.radius;
+  Seconds seconds{{"read", seconds_read}};
+  double told = 0;
+  for (const auto& stage : seconds_of(report.sampling)) {
+    seconds.push_back(stage);
+    told += stage.second;
+  }
+  seconds.insert(seconds.end(), {{"remesh", report.seconds_remesh},
+                                 {"checks", std::max(0.0, seconds_work - told - report.seconds_remesh)},
+                                 {"write", seconds_write},
+                                 {"total", total.seconds()}});
+
+  Json json = begin_json("remesh");
+  json.add("vertices", static_cast<amps::Index>(result.mesh.vertices.rows()));
+  json.add("triangles", static_cast<amps::Index>(result.mesh.triangles.rows()));
+  add_sampling(json, options.sampling, report.sampling);
+  add_quality(json, report.quality, radius);
+  add_maximality(json, report.maximality);
+  add_topology(json, "input", report.input);
+  add_topology(json, "output", report.output);
+  add_seconds(json, seconds);
+  write_json(arguments, json);
+
+  const Table table(arguments.quiet());
+  table.row("", "input", "output");
+  table.row("vertices", number(report.input.vertices), std::to_string(result.mesh.vertices.rows()));
+  table.row("triangles", number(report.input.facets), number(report.output.facets));
+  print_topology(table, report.input, report.output);
+  const Eigen::Index unused = result.mesh.vertices.rows() - report.output.vertices;
+  if (unused > 0) table.row("in no triangle", "", std::to_string(unused));  // samples on parts as thin as r
+  table.row("radius r", number(radius));
+  print_quality(table, report.quality, radius);
+  print_maximality(table, report.maximality);
+  print_seconds(table, seconds);
+  return kExitDone;
+}
+
+int run_gaps(const Arguments& arguments) {
+  if (arguments.operands() > 2) require_mesh_output(arguments, arguments.operand(2));
+  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  const unsigned threads = threads_of(arguments);
+  const amps::Mesh mesh = load(arguments.operand(0));
+  const amps::SampleSet samples = amps::read_samples(arguments.operand(1));
+  const amps::MaximalityReport report = amps::verify_maximal(mesh, samples, threads);
+  const double area = amps::total_area(mesh);
+  if (arguments.operands() > 2 && report.gaps > 0) {
+    amps::write_mesh(arguments.operand(2), amps::find_gaps(mesh, samples, threads).primitives);
+  }
+
+  Json json = begin_json("gaps");
+  json.add("samples", samples.size()).add("surface_area", area);
+  add_maximality(json, report);
+  write_json(arguments, json);
+
+  const Table table(arguments.quiet());
+  table.row("samples", number(samples.size()));
+  const double least = samples.radii.minCoeff();
+  const double most = samples.radii.maxCoeff();
+  table.row("radius r", least == most ? number(least) : number(least) + " to " + number(most));
+  table.row("maximal", report.maximal() ? "yes" : "no");
+  table.row("Poisson-disk", report.poisson_disk() ? "yes" : "no");
+  print_maximality(table, report);
+  table.row("gaps", number(report.gaps));
+  table.row("area of gaps", format("%.6g   (%.3g %% of the surface)", report.gap_area, 100 * report.gap_area / area));
+  if (arguments.operands() > 2) {
+    table.row("gap primitives",
+              report.gaps > 0 ? "in " + arguments.operand(2) : "none, " + arguments.operand(2) + " is not written");
+  }
+  return report.maximal() ? kExitDone : kExitGaps;
+}
+
+int run_info(const Arguments& arguments) {
+  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  const amps::Mesh mesh = amps::read_mesh(arguments.operand(0));
+  const amps::MeshReport report = amps::check(mesh);
+  const amps::TopologyReport& shape = report.topology;
+  const amps::QualityReport quality = report.usable() ? amps::quality(mesh) : amps::QualityReport();
+
+  Json json = begin_json("info");
+  json.add("usable", report.usable())
+      .add("vertices", report.vertices)
+      .add("triangles", report.facets)
+      .add("area", report.area)
+      .add("box_diagonal", report.box.diagonal())
+      .add("non_finite_vertices", report.non_finite_vertices)
+      .add("out_of_range_facets", report.out_of_range_facets)
+      .add("repeated_index_facets", report.repeated_index_facets)
+      .add("zero_area_facets", report.zero_area_facets)
+      .add("duplicate_vertices", report.duplicate_vertices)
+      .add("isolated_vertices", report.isolated_vertices);
+  add_topology(json, "topology", shape);
+  if (report.usable()) add_quality(json, quality, 0);
+  write_json(arguments, json);
+
+  const Table table(arguments.quiet());
+  const auto count = [&](const char* name, amps::Index n) { table.row(name, number(n)); };
+  const auto trouble = [&](const char* name, amps::Index n) {
+    if (n > 0) count(name, n);
+  };
+  count("vertices", report.vertices);
+  count("triangles", report.facets);
+  table.row("area", number(report.area));
+  table.row("box", format("%.6g x %.6g x %.6g", report.box.max.x() - report.box.min.x(),
+                          report.box.max.y() - report.box.min.y(), report.box.max.z() - report.box.min.z()));
+  count("components", shape.components);
+  count("Euler characteristic", shape.euler_characteristic);
+  if (shape.manifold() && shape.inconsistent_edges == 0) count("genus", shape.genus());
+  count("boundary loops", shape.boundary_loops);
+  table.row("closed", shape.closed() ? "yes" : "no");
+  table.row("manifold", shape.manifold() ? "yes" : "no");
+  trouble("non-manifold edges", shape.non_manifold_edges);
+  trouble("non-manifold vertices", shape.non_manifold_vertices);
+  trouble("inconsistent edges", shape.inconsistent_edges);
+  trouble("duplicate vertices", report.duplicate_vertices);
+  trouble("isolated vertices", report.isolated_vertices);
+  trouble("zero-area triangles", report.zero_area_facets);
+  trouble("repeated indices", report.repeated_index_facets);
+  trouble("indices out of range", report.out_of_range_facets);
+  trouble("non-finite vertices", report.non_finite_vertices);
+  if (report.usable()) print_quality(table, quality, 0);
+  table.row("can be remeshed", report.usable() ? "yes" : "no");
+  return kExitDone;
+}
+
+/// The shape with about `n` triangles.
+amps::Mesh make_shape(const Arguments& arguments, const std::string& shape, double n) {
+  const auto rounded = [](double x, int least) {
+    return std::max(static_cast<amps::Index>(least), static_cast<amps::Index>(std::lround(x)));
+  };
+  if (shape == "sphere") return amps::make_sphere(rounded(n, 20));
+  if (shape == "square") return amps::make_square(rounded(std::sqrt(n / 2), 1));
+  if (shape == "cube") return amps::make_cube(rounded(std::sqrt(n / 12), 1));
+  if (shape == "torus") {  // cells about square: tube and axis circles of radii 0.4 and 1
+    const amps::Index around = rounded(std::sqrt(0.4 * n / 2), 3);
+    return amps::make_torus(1.0, 0.4, rounded(n / 2 / around, 3), around);
+  }
+  if (shape == "knot") {  // the number of cells along follows from that around, in proportion
+    amps::KnotOptions options;
+    const auto cells = static_cast<double>(amps::make_knot(options).triangles.rows()) / 2;
+    options.around = rounded(options.around * std::sqrt(n / 2 / cells), 3);
+    return amps::make_knot(options);
+  }
+  const std::vector<std::string> known{"sphere", "torus", "square", "knot", "cube"};
+  throw arguments.error("unknown shape " + shape + did_you_mean(shape, known) +
+                        "; it can be sphere, torus, square, knot or cube");
+}
+
+int run_make(const Arguments& arguments) {
+  constexpr std::uint64_t kDefaultTriangles = 10000;
+  constexpr std::uint64_t kMostTriangles = 100000000;
+  const auto n = static_cast<double>(arguments.whole("--n", kDefaultTriangles, 1, kMostTriangles));
+  require_mesh_output(arguments, arguments.operand(1));
+  const amps::Mesh mesh = make_shape(arguments, arguments.operand(0), n);
+  amps::write_mesh(arguments.operand(1), mesh);
+  const Table table(arguments.quiet());
+  table.row("vertices", std::to_string(mesh.vertices.rows()));
+  table.row("triangles", std::to_string(mesh.triangles.rows()));
+  return kExitDone;
+}
+
+int run_render(const Arguments& arguments) {
+  constexpr std::uint64_t kLargestPicture = 16384;
+  render::Options options;
+  options.size = static_cast<int>(arguments.whole("--size", 1024, 16, kLargestPicture));
+  options.azimuth = arguments.real("--azimuth", options.azimuth, -360, 360);
+  options.elevation = arguments.real("--elevation", options.elevation, -90, 90);
+  options.smooth = arguments.has("--smooth");
+  options.edges = !arguments.has("--no-edges");
+  options.z_up = arguments.has("--z-up");
+  options.threads = threads_of(arguments);
+  std::string extension = fs::path(arguments.operand(1)).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  if (extension != ".png") throw arguments.error("cannot draw " + arguments.operand(1) + ": name a .png file");
+  require_writable(arguments, arguments.operand(1));
+  const amps::Mesh mesh = load(arguments.operand(0));
+  write_file(arguments.operand(1), render::encode_png(render::draw(mesh, options)));
+  return kExitDone;
+}
+
+const std::vector<Command>& commands() {
+  static const Option kRadius{"--radius", "R", "disk radius, in the units of the mesh"};
+  static const Option kVertices{"--vertices", "N", "number of samples wanted instead, met within 2 %"};
+  static const Option kSeed{"--seed", "S", "of the random numbers (default 1): the same seed gives the same bits"};
+  static const Option kThreads{"--threads", "T", "default 0: one per core; the result does not depend on it"};
+  static const Option kJson{"--json", "FILE", "write the table as JSON too"};
+  static const std::vector<Command> kCommands{
+      {"sample",
+       "IN OUT",
+       "place a maximal Poisson-disk set on a mesh",
+       "IN is a mesh (.obj .off .ply .stl), OUT a sample set (.xyzr .ply .csv). No two samples are nearer than R,\n"
+       "and no point of the surface is farther than R from the nearest sample.",
+       {kRadius, kVertices, kSeed, kThreads, kJson},
+       run_sample},
+      {"remesh",
+       "IN OUT",
+       "replace a mesh by one of well-shaped triangles",
+       "IN and OUT are meshes (.obj .off .ply .stl). All angles of OUT are in [30, 120] degrees, all edges in [R, 2R].",
+       {kRadius,
+        kVertices,
+        kSeed,
+        kThreads,
+        {"--samples", "FILE", "write the vertices as a sample set too (.xyzr .ply .csv)"},
+        kJson},
+       run_remesh},
+      {"gaps",
+       "IN SAMPLES [OUT]",
+       "is a set of disks on a mesh maximal?",
+       "SAMPLES is a sample set (.xyzr .ply .csv), made by amps or by anything else. If parts of the mesh IN are in no disk,\n"
+       "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not.",
+       {kThreads, kJson},
+       run_gaps},
+      {"info",
+       "IN",
+       "say what a mesh is like, and what is wrong with it",
+       "IN is a mesh (.obj .off .ply .stl).",
+       {kJson},
+       run_info},
+      {"make",
+       "SHAPE OUT",
+       "write a sphere, torus, square, knot or cube",
+       "OUT is a mesh (.obj .off .ply .stl).",
+       {{"--n", "N", "about so many triangles (default 10000)"}},
+       run_make},
+      {"render",
+       "IN OUT",
+       "draw a picture of a mesh",
+       "IN is a mesh (.obj .off .ply .stl), OUT a .png. Insides, seen through holes or on flipped triangles, are red.",
+       {{"--size", "N", "width and height in pixels (default 1024)"},
+        {"--azimuth", "DEG", "walk around the model (default 30)"},
+        {"--elevation", "DEG", "look down on it (default 18)"},
+        {"--z-up", nullptr, "the model's up axis is z, not y"},
+        {"--smooth", nullptr, "interpolate normals"},
+        {"--no-edges", nullptr, "do not draw triangle edges"},
+        kThreads},
+       run_render},
+  };
+  return kCommands;
+}
+
+// --- Help and main --------------------------------------------------------------------------------------------------
+
+void print_help() {
+  std::printf("amps %d.%d.%d: maximal Poisson-disk sampling on surfaces, and remeshing with it\n\n", AMPS_VERSION_MAJOR,
+              AMPS_VERSION_MINOR, AMPS_VERSION_PATCH);
+  std::printf("usage: amps COMMAND ...\n\n");
+  for (const Command& command : commands()) {
+    std::printf("  %-28s %s\n", (std::string(command.name) + " " + command.operands).c_str(), command.summary);
+  }
+  std::printf("\n'amps COMMAND --help' tells the options of a command, 'amps --version' the version.\n");
+  std::printf("Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 130 interrupted.\n");
+}
+
+void print_help(const Command& command) {
+  std::printf("usage: amps %s %s [options]\n\n%s: %s.\n%s\n\n", command.name, command.operands, command.name, command.summary,
+              command.details);
+  for (const std::vector<Option>& group : {command.options, common_options()}) {
+    for (const Option& option : group) {
+      const std::string name = option.value == nullptr ? option.name : std::string(option.name) + " " + option.value;
+      std::printf("  %-18s %s\n", name.c_str(), option.help);
+    }
+  }
+}
+
+int run(const std::vector<std::string>& words) {
+  if (words.empty()) throw UsageError("amps: no command given (see 'amps --help')");
+  const std::string& name = words.front();
+  if (name == "--help" || name == "-h" || name == "help") {
+    print_help();
+    return kExitDone;
+  }
+  if (name == "--version") {
+    std::printf("amps %d.%d.%d\n", AMPS_VERSION_MAJOR, AMPS_VERSION_MINOR, AMPS_VERSION_PATCH);
+    return kExitDone;
+  }
+  std::vector<std::string> known;
+  for (const Command& command : commands()) {
+    known.emplace_back(command.name);
+    if (name != command.name) continue;
+    const Arguments arguments(command, {words.begin() + 1, words.end()});
+    if (!arguments.has("--help")) return command.run(arguments);
+    print_help(command);
+    return kExitDone;
+  }
+  throw UsageError("amps: unknown command " + name + did_you_mean(name, known) + " (see 'amps --help')");
+}
+
+/// Errors are one line each, whatever a file name holds.
+int complain(std::string message) {
+  if (message.compare(0, 4, "amps") != 0) message = "amps: " + message;
+  std::replace_if(
+      message.begin(), message.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  std::fprintf(stderr, "%s\n", message.c_str());
+  return kExitTrouble;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    const int code = run({argv + 1, argv + argc});
+    if (std::fflush(stdout) != 0) return complain("cannot write to the standard output");
+    return code;
+  } catch (const Interrupted&) {
+    std::fprintf(stderr, "amps: interrupted, nothing is written\n");
+    return kExitInterrupted;
+  } catch (const std::bad_alloc&) {
+    return complain("out of memory; use a larger radius or fewer vertices");
+  } catch (const std::exception& error) {
+    return complain(error.what());
+  }
+}

@@ -1,0 +1,45 @@
+#!/bin/sh
+# Builds amps and runs its tests. On Debian, installs what they need first; elsewhere, says what is missing.
+#
+#   tests/run.sh [--sanitize] [BUILD_DIR]
+#
+# --sanitize builds with ASan, UBSan and all assertions, and leaves out the tests labelled slow and the consumer projects, which build
+# amps anew without them. BUILD_DIR is build/tests or build/sanitize by default.
+set -eu
+
+here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
+source=$(dirname -- "$here")
+sanitize=
+build=
+for argument in "$@"; do
+  case $argument in
+    --sanitize) sanitize=yes ;;
+    -h | --help) sed -n '2,7s/^# \{0,1\}//p' "$0"; exit 0 ;;
+    -*) echo "tests/run.sh: unknown option $argument; it knows --sanitize" >&2; exit 2 ;;
+    *) build=$argument ;;
+  esac
+done
+
+sh "$here/prepare.sh" libeigen3-dev libnanoflann-dev doctest-dev libcgal-dev
+
+set -- -DAMPS_BUILD_TESTS=ON -DAMPS_BUILD_EXAMPLES=ON -DAMPS_INSTALL=ON
+if command -v ccache >/dev/null 2>&1; then
+  set -- "$@" -DCMAKE_CXX_COMPILER_LAUNCHER=ccache
+fi
+if [ -n "$sanitize" ]; then
+  build=${build:-$source/build/sanitize}
+  # -O1: the tests are too slow without; NDEBUG is not defined, so every assertion is checked.
+  set -- "$@" -DCMAKE_BUILD_TYPE=Debug "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g1" \
+    "-DCMAKE_CXX_FLAGS=-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer"
+else
+  build=${build:-$source/build/tests}
+  set -- "$@" -DCMAKE_BUILD_TYPE=Release
+fi
+
+cmake -S "$source" -B "$build" "$@"
+cmake --build "$build" --parallel 2
+if [ -n "$sanitize" ]; then
+  ctest --test-dir "$build" --parallel 2 --output-on-failure --label-exclude '^(slow|consumer)$'
+else
+  ctest --test-dir "$build" --parallel 2 --output-on-failure
+fi

@@ -1,0 +1,187 @@
+#!/bin/sh
+# The command-line program from outside: what it prints, writes and returns. Usage: test_cli.sh PATH_TO_AMPS
+set -eu
+
+amps=$1
+dir=$(mktemp -d)
+trap 'rm -rf "$dir"' EXIT
+cd "$dir"
+mkdir log empty
+failures=0
+
+fail() {
+  echo "FAILED: $*"
+  failures=$((failures + 1))
+}
+
+# run CODE ARGUMENTS...: amps returns CODE; without an error also prints none.
+run() {
+  wanted=$1
+  shift
+  code=0
+  "$amps" "$@" >log/out 2>log/err </dev/null || code=$?
+  [ "$code" -eq "$wanted" ] || fail "amps $* returned $code, not $wanted: $(head -n 3 log/err)"
+  if [ "$wanted" -ne 2 ] && [ -s log/err ]; then fail "amps $* complains: $(cat log/err)"; fi
+}
+
+# bad PATTERN ARGUMENTS...: amps returns 2, says why in one line that matches PATTERN, and leaves no file behind.
+bad() {
+  pattern=$1
+  shift
+  before=$(ls -R .)
+  run 2 "$@"
+  [ "$(wc -l <log/err)" -eq 1 ] || fail "amps $*: not one line on stderr: $(cat log/err)"
+  grep -q -e "$pattern" log/err || fail "amps $*: '$(cat log/err)' does not mention '$pattern'"
+  [ ! -s log/out ] || fail "amps $* printed to stdout: $(cat log/out)"
+  [ "$before" = "$(ls -R .)" ] || fail "amps $* left a file behind"
+}
+
+# number KEY FILE: a number in a JSON file written by amps.
+number() {
+  sed -n "s/^ *\"$1\": \\([-+0-9.e]*\\),*\$/\\1/p" "$2" | head -n 1
+}
+
+echo "-- help"
+run 0 --help
+run 0 --version
+for command in sample remesh gaps info make render; do
+  run 0 "$command" --help
+  grep -q "^usage: amps $command " log/out || fail "help of $command has no synopsis"
+  # shellcheck disable=SC2013  # options are words
+  for option in $(sed -n 's/^  \(--[a-z-]*\).*/\1/p' log/out); do  # what is told is known
+    bad "twice\|takes no value" "$command" "$option=" "$option="
+  done
+done
+
+echo "-- shapes and information"
+for shape in sphere torus square knot cube; do
+  run 0 make $shape $shape.obj --n 2000
+  run 0 info $shape.obj --json info.json
+  grep -q '"usable": true' info.json || fail "$shape is not usable"
+  n=$(number triangles info.json)
+  { [ "$n" -ge 1500 ] && [ "$n" -le 2500 ]; } || fail "$shape has $n triangles for --n 2000"
+done
+for extension in off ply stl; do
+  run 0 make torus torus.$extension --n 2000 --quiet
+  [ ! -s log/out ] || fail "--quiet prints"
+  run 0 info torus.$extension
+done
+
+echo "-- sampling and gaps"
+run 0 sample torus.obj set.xyzr --radius 0.1 --seed 3 --json sample.json
+run 0 gaps torus.obj set.xyzr primitives.obj
+grep -q '^maximal *yes' log/out || fail "gaps does not say that the set is maximal"
+[ ! -e primitives.obj ] || fail "gap primitives of a set without gaps"
+awk 'NR % 10 != 0' set.xyzr >holes.xyzr
+run 3 gaps torus.obj holes.xyzr primitives.obj --json gaps.json
+grep -q '^maximal *no' log/out || fail "gaps does not say that the set is not maximal"
+[ "$(number gaps gaps.json)" -gt 0 ] || fail "no gaps counted"
+awk -v area="$(number gap_area gaps.json)" 'BEGIN { exit !(area > 0) }' || fail "no area of gaps"
+run 0 info primitives.obj
+for extension in ply csv; do
+  run 0 sample torus.obj set.$extension --radius 0.1 --seed 3
+  run 0 gaps torus.obj set.$extension
+done
+
+echo "-- remeshing"
+run 0 remesh knot.obj out.obj --vertices 1500 --samples out.xyzr --json out.json
+n=$(number vertices out.json)
+{ [ "$n" -ge 1470 ] && [ "$n" -le 1530 ]; } || fail "$n vertices for --vertices 1500"
+awk -v low="$(number min_angle out.json)" -v high="$(number max_angle out.json)" \
+  'BEGIN { exit !(low >= 30 - 1e-9 && high <= 120 + 1e-9) }' || fail "angles out of [30, 120]"
+awk -v low="$(number min_edge_over_radius out.json)" -v high="$(number max_edge_over_radius out.json)" \
+  'BEGIN { exit !(low >= 1 - 1e-9 && high <= 2 + 1e-9) }' || fail "edges out of [r, 2r]"
+run 0 gaps knot.obj out.xyzr
+run 0 info out.obj
+
+echo "-- the same seed, the same bytes"
+run 0 remesh torus.obj a.off --radius 0.1 --seed 5 --threads 1
+run 0 remesh torus.obj b.off --radius=0.1 --seed=5 --threads 2
+run 0 remesh torus.obj c.off --radius 0.1 --seed 6
+cmp a.off b.off || fail "one seed, two results"
+! cmp -s a.off c.off || fail "two seeds, one result"
+
+echo "-- pictures"
+run 0 render torus.obj torus.png --size 200 --z-up
+[ "$(head -c 4 torus.png | tail -c 3)" = PNG ] || fail "torus.png is no PNG"
+if command -v python3 >log/which 2>&1; then
+  python3 - torus.png <<'PYTHON' || fail "torus.png cannot be decoded"
+import struct, sys, zlib
+data, at, pixels = open(sys.argv[1], "rb").read(), 8, b""
+while at < len(data):
+    size, kind = struct.unpack(">I4s", data[at:at + 8])
+    body = data[at + 8:at + 8 + size]
+    assert struct.unpack(">I", data[at + 8 + size:at + 12 + size])[0] == zlib.crc32(kind + body)
+    if kind == b"IDAT": pixels += body
+    at += 12 + size
+assert len(zlib.decompress(pixels)) == 200 * (1 + 3 * 200)
+PYTHON
+fi
+
+echo "-- bad usage"
+bad "no command"
+bad "unknown command" frobnicate
+bad "did you mean remesh" remehs
+bad "did you mean --radius" remesh torus.obj no.obj --radus 1
+bad "unknown option" info torus.obj --frobnicate
+bad "needs a value" remesh torus.obj no.obj --radius
+bad "wants a number" remesh torus.obj no.obj --radius wide
+bad "wants a number" remesh torus.obj no.obj --radius 1x
+bad "wants a number" remesh torus.obj no.obj --radius nan
+bad "above 0" remesh torus.obj no.obj --radius 0
+bad "above 0" remesh torus.obj no.obj --radius -1
+bad "whole number" remesh torus.obj no.obj --vertices 12.5
+bad "whole number" remesh torus.obj no.obj --vertices 0
+bad "whole number" remesh torus.obj no.obj --vertices 99999999999999999999999
+bad "whole number" remesh torus.obj no.obj --radius 0.1 --seed -1
+bad "either --radius" remesh torus.obj no.obj
+bad "either --radius" remesh torus.obj no.obj --radius 0.1 --vertices 10
+bad "twice" remesh torus.obj no.obj --radius 0.1 --radius 0.1
+bad "too few" remesh torus.obj --radius 0.1
+bad "one argument too many" remesh torus.obj no.obj more.obj --radius 0.1
+bad "did you mean knot" make knto no.obj
+bad "unknown shape" make teapot no.obj
+bad "png" render torus.obj no.jpg
+
+echo "-- outputs that cannot be"
+bad "no.xyz" remesh torus.obj no.xyz --radius 0.1
+bad "no.obj" sample torus.obj no.obj --radius 0.1
+bad "nowhere" remesh torus.obj nowhere/no.obj --radius 0.1
+bad "nowhere" remesh torus.obj no.obj --radius 0.1 --json nowhere/no.json
+bad "directory" remesh torus.obj empty --radius 0.1
+bad "directory" render torus.obj nowhere/no.png
+
+echo "-- inputs that are none"
+printf 'OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n' >range.off
+printf 'OFF\n3 1 0\n0 0 0\n1 0 0\n' >short.off
+printf 'OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n' >nan.off
+printf 'OFF\n3 1 0\n0 0 0\n1 0 inf\n0 1 0\n3 0 1 2\n' >inf.off
+printf 'OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n' >flat.off
+printf 'OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n' >points.off
+printf 'this is not a mesh\n' >text.ply
+: >nothing.obj
+: >nothing.stl
+for file in missing.obj range.off short.off nan.off inf.off flat.off points.off text.ply nothing.obj nothing.stl torus.txt; do
+  bad "$file" remesh $file no.obj --radius 0.1
+done
+bad "empty" info empty
+bad "missing.xyzr" gaps torus.obj missing.xyzr
+printf '0 0 0 -1\n' >negative.xyzr
+printf '0 0 zero 1\n' >word.xyzr
+: >nothing.xyzr
+for file in negative.xyzr word.xyzr nothing.xyzr; do
+  bad "$file" gaps torus.obj $file no.obj
+done
+bad "radius" remesh torus.obj no.obj --radius 1e-9
+
+echo "-- interruption"
+if command -v timeout >log/which 2>&1; then
+  code=0
+  timeout --preserve-status -s INT 1 "$amps" remesh square.obj stopped.obj --radius 0.0005 >log/out 2>log/err || code=$?
+  [ "$code" -eq 130 ] || fail "interrupted: returned $code"
+  [ "$(wc -l <log/err)" -eq 1 ] || fail "interrupted: not one line on stderr: $(cat log/err)"
+  [ -z "$(find . -name "stopped*")" ] || fail "interrupted: left a file behind"
+fi
+
+[ "$failures" -eq 0 ] || { echo "$failures failed"; exit 1; }
+echo "all passed"

@@ -1,0 +1,124 @@
+#include "amps/kdtree.h"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+using amps::Index;
+using amps::KdTree;
+using amps::kNone;
+using amps::Points;
+using amps::Rng;
+using amps::Vec3;
+
+namespace {
+
+using Neighbors = std::vector<KdTree::Neighbor>;
+
+/// All points by distance, then index.
+Neighbors sorted_by_brute_force(const Points& points, const Vec3& q) {
+  std::vector<std::pair<double, Index>> all;
+  for (Index i = 0; i < points.rows(); ++i) {
+    const double dx = q[0] - points(i, 0), dy = q[1] - points(i, 1), dz = q[2] - points(i, 2);
+    all.emplace_back(dx * dx + dy * dy + dz * dz, i);
+  }
+  std::sort(all.begin(), all.end());
+  Neighbors result;
+  for (const auto& [d2, i] : all) result.push_back({i, d2});
+  return result;
+}
+
+void require_equal(const Neighbors& a, const Neighbors& b, std::size_t size) {
+  REQUIRE(a.size() == size);
+  REQUIRE(b.size() >= size);
+  for (std::size_t i = 0; i < size; ++i) {
+    REQUIRE(a[i].index == b[i].index);
+    REQUIRE(a[i].squared_distance == b[i].squared_distance);
+  }
+}
+
+void compare_with_brute_force(const Points& points, const std::vector<Vec3>& queries) {
+  const KdTree tree(points);
+  REQUIRE(tree.size() == points.rows());
+  Neighbors found;
+  for (const Vec3& q : queries) {
+    const Neighbors all = sorted_by_brute_force(points, q);
+    const KdTree::Neighbor nearest = tree.nearest(q);
+    REQUIRE(nearest.index == all[0].index);
+    REQUIRE(nearest.squared_distance == all[0].squared_distance);
+    for (const Index k : {0, 1, 2, 7, 30, 100000}) {
+      tree.k_nearest(q, k, found);
+      require_equal(found, all, std::min(static_cast<std::size_t>(k), all.size()));
+    }
+    for (const double radius : {0.0, 0.1, 0.25, 1.0, 100.0}) {
+      std::size_t within = 0;
+      while (within < all.size() && all[within].squared_distance <= radius * radius) ++within;
+      tree.in_radius(q, radius, found);
+      require_equal(found, all, within);
+    }
+  }
+}
+
+}  // namespace
+
+TEST_CASE("kdtree: agrees with brute force on random points") {
+  Rng rng(1);
+  for (const Index n : {1, 2, 9, 10, 11, 500, 2000}) {
+    Points points(n, 3);
+    for (Index i = 0; i < n; ++i) points.row(i) << rng.uniform(), rng.uniform(), 0.01 * rng.uniform();
+    std::vector<Vec3> queries;
+    for (int i = 0; i < 60; ++i) queries.emplace_back(2 * rng.uniform() - 0.5, rng.uniform(), rng.uniform());
+    for (Index i = 0; i < std::min<Index>(n, 20); ++i) queries.push_back(points.row(i).transpose());
+    compare_with_brute_force(points, queries);
+  }
+}
+
+TEST_CASE("kdtree: ties go by index, on a lattice whose every point is there three times") {
+  std::vector<Vec3> lattice;
+  for (int repeat = 0; repeat < 3; ++repeat) {
+    for (int i = 0; i < 343; ++i) lattice.push_back(Vec3(i % 7, i / 7 % 7, i / 49) / 4);
+  }
+  Rng rng(2);
+  for (std::size_t i = lattice.size() - 1; i > 0; --i) std::swap(lattice[i], lattice[rng.below(i + 1)]);
+  Points points(static_cast<Index>(lattice.size()), 3);
+  for (std::size_t i = 0; i < lattice.size(); ++i) points.row(static_cast<Index>(i)) = lattice[i].transpose();
+  std::vector<Vec3> queries;
+  for (int i = 0; i < 100; ++i) {  // lattice points and centres of cells, edges, faces
+    queries.push_back(
+        Vec3(static_cast<double>(rng.below(15)), static_cast<double>(rng.below(15)), static_cast<double>(rng.below(15))) / 8);
+  }
+  compare_with_brute_force(points, queries);
+}
+
+TEST_CASE("kdtree: equal points, and points at one distance from the query up to rounding") {
+  compare_with_brute_force(Points::Constant(300, 3, 0.1), {Vec3(0.1, 0.1, 0.1), Vec3(0, 0, 0)});
+  Rng rng(3);
+  Points sphere(1000, 3);
+  for (Index i = 0; i < 1000; ++i) {
+    sphere.row(i) << rng.uniform() - 0.5, rng.uniform() - 0.5, rng.uniform() - 0.5;
+    sphere.row(i) *= 0.25 / sphere.row(i).norm();
+  }
+  compare_with_brute_force(sphere, {Vec3(0, 0, 0)});
+}
+
+TEST_CASE("kdtree: an empty set has no neighbours; the points are copied; trees move") {
+  Neighbors found = {{3, 1.0}};
+  const KdTree empty{Points(0, 3)};
+  CHECK(empty.size() == 0);
+  CHECK(empty.nearest(Vec3(0, 0, 0)).index == kNone);
+  empty.k_nearest(Vec3(0, 0, 0), 5, found);
+  CHECK(found.empty());
+  found = {{3, 1.0}};
+  empty.in_radius(Vec3(0, 0, 0), 5, found);
+  CHECK(found.empty());
+
+  Points points(2, 3);
+  points << 0, 0, 0, 1, 0, 0;
+  KdTree tree(points);
+  points.setConstant(9);
+  KdTree moved = std::move(tree);
+  CHECK(moved.nearest(Vec3(0.9, 0, 0)).index == 1);
+  CHECK(moved.nearest(Vec3(0.5, 0, 0)).index == 0);
+}

@@ -1,0 +1,262 @@
+#include "amps/quality.h"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iomanip>
+#include <map>
+#include <set>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+using amps::Index;
+using amps::Mesh;
+using amps::quality;
+using amps::QualityReport;
+using amps::Rng;
+using doctest::Approx;
+
+namespace {
+
+Mesh quality_mesh(const std::vector<std::array<double, 3>>& vertices, const std::vector<std::array<Index, 3>>& triangles) {
+  Mesh mesh;
+  mesh.vertices.resize(static_cast<Index>(vertices.size()), 3);
+  mesh.triangles.resize(static_cast<Index>(triangles.size()), 3);
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    for (int k = 0; k < 3; ++k) mesh.vertices(static_cast<Index>(i), k) = vertices[i][static_cast<std::size_t>(k)];
+  }
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    for (int k = 0; k < 3; ++k) mesh.triangles(static_cast<Index>(i), k) = triangles[i][static_cast<std::size_t>(k)];
+  }
+  return mesh;
+}
+
+Mesh octahedron() {
+  return quality_mesh({{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
+                      {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}});
+}
+
+/// n × n vertices on the unit square, each cell cut in two along the same diagonal.
+Mesh right_triangle_grid(Index n) {
+  std::vector<std::array<double, 3>> vertices;
+  std::vector<std::array<Index, 3>> triangles;
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = 0; i < n; ++i) vertices.push_back({double(i), double(j), 0});
+  }
+  for (Index j = 0; j + 1 < n; ++j) {
+    for (Index i = 0; i + 1 < n; ++i) {
+      const Index v = j * n + i;
+      triangles.push_back({v, v + 1, v + n + 1});
+      triangles.push_back({v, v + n + 1, v + n});
+    }
+  }
+  return quality_mesh(vertices, triangles);
+}
+
+}  // namespace
+
+TEST_CASE("quality: an octahedron is equilateral, closed, and of valence 4") {
+  const QualityReport q = quality(octahedron());
+  CHECK(q.triangles == 8);
+  CHECK(q.min_angle == Approx(60));
+  CHECK(q.max_angle == Approx(60));
+  CHECK(q.mean_min_angle == Approx(60));
+  CHECK(q.min_q == Approx(1));
+  CHECK(q.mean_q == Approx(1));
+  CHECK(q.area_ratio == Approx(1));
+  CHECK(q.min_edge == Approx(std::sqrt(2)));
+  CHECK(q.max_edge == Approx(std::sqrt(2)));
+  CHECK(q.mean_edge == Approx(std::sqrt(2)));
+  CHECK(q.below_30 == 0);
+  CHECK(q.above_90 == 0);
+  CHECK(q.interior_vertices == 6);
+  CHECK(q.valence[4] == 6);
+  CHECK(q.valence_5_6_7 == 0);
+}
+
+TEST_CASE("quality: a grid of right triangles has no obtuse one, valence 6 inside, and an open boundary") {
+  const QualityReport q = quality(right_triangle_grid(6));
+  CHECK(q.triangles == 50);
+  CHECK(q.min_angle == Approx(45));
+  CHECK(q.max_angle == Approx(90));
+  CHECK(q.above_90 == 0);
+  CHECK(q.below_30 == 0);
+  // Q = 6/√3 · ½ / ((2 + √2)/2 · √2) = 2√3 / (2√2 + 2)
+  CHECK(q.min_q == Approx(std::sqrt(3) / (std::sqrt(2) + 1)));
+  CHECK(q.interior_vertices == 16);
+  CHECK(q.valence[6] == 16);
+  CHECK(q.valence_5_6_7 == 100);
+  CHECK(q.min_edge == Approx(1));
+  CHECK(q.max_edge == Approx(std::sqrt(2)));
+  CHECK(q.mean_edge == Approx((60 + 25 * std::sqrt(2)) / 85));
+}
+
+TEST_CASE("quality: slivers have the angles of their limit, to full relative precision") {
+  for (const double h : {1e-3, 1e-8, 1e-12, 1e-100}) {
+    const QualityReport needle = quality(quality_mesh({{0, 0, 0}, {1, 0, 0}, {0, h, 0}}, {{0, 1, 2}}));
+    const double radians = std::atan(h);
+    CHECK(needle.min_angle == Approx(radians * 180 / std::acos(-1)).epsilon(1e-12));
+    CHECK(needle.max_angle == Approx(90));
+    CHECK(needle.below_30 == 100);
+    const QualityReport cap = quality(quality_mesh({{0, 0, 0}, {2, 0, 0}, {1, h, 0}}, {{0, 1, 2}}));
+    CHECK(cap.min_angle == Approx(radians * 180 / std::acos(-1)).epsilon(1e-12));
+    CHECK(cap.max_angle == Approx(180 - 2 * radians * 180 / std::acos(-1)).epsilon(1e-14));
+    CHECK(cap.above_90 == 100);
+  }
+}
+
+TEST_CASE("quality: slivers in general position agree with extended precision") {
+  Rng rng(2);
+  for (int trial = 0; trial < 200; ++trial) {
+    const double width = std::pow(10.0, -1 - 7 * rng.uniform());
+    std::vector<std::array<double, 3>> p(3);
+    for (std::size_t k = 0; k < 3; ++k) {
+      p[0][k] = rng.uniform();
+      p[1][k] = p[0][k] + rng.uniform() - 0.5;
+      p[2][k] = p[0][k] + width * (rng.uniform() - 0.5);
+    }
+    std::vector<long double> angles;
+    for (std::size_t i = 0; i < 3; ++i) {
+      long double u[3], v[3], dot = 0, cross = 0;
+      for (std::size_t k = 0; k < 3; ++k) {
+        u[k] = static_cast<long double>(p[(i + 1) % 3][k]) - p[i][k];
+        v[k] = static_cast<long double>(p[(i + 2) % 3][k]) - p[i][k];
+        dot += u[k] * v[k];
+      }
+      for (std::size_t k = 0; k < 3; ++k) {
+        const long double c = u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3];
+        cross += c * c;
+      }
+      angles.push_back(std::atan2(std::sqrt(cross), dot) * 180 / std::acos(-1.0L));
+    }
+    std::sort(angles.begin(), angles.end());
+    if (angles[1] < 5) continue;  // nearly collinear corners: their differences alone lose more than this test allows
+    const QualityReport q = quality(quality_mesh(p, {{0, 1, 2}}));
+    CHECK(q.min_angle == Approx(static_cast<double>(angles[0])).epsilon(1e-13));
+    CHECK(q.max_angle == Approx(static_cast<double>(angles[2])).epsilon(1e-13));
+  }
+}
+
+TEST_CASE("quality: zero-area facets count with 0, 180 and Q 0; repeated indices are skipped") {
+  const std::vector<std::array<double, 3>> points = {{0, 0, 0}, {1, 0, 0}, {0.5, 1, 0}, {0.5, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+  for (const std::array<Index, 3>& flat : {std::array<Index, 3>{0, 1, 3}, {0, 4, 1}, {0, 4, 5}}) {
+    const QualityReport q = quality(quality_mesh(points, {{0, 1, 2}, flat, {1, 1, 2}, {0, 0, 0}}));
+    CHECK(q.triangles == 2);
+    CHECK(q.min_angle == 0);
+    CHECK(q.max_angle == 180);
+    CHECK(q.min_q == 0);
+    CHECK(q.area_ratio == 0);
+    CHECK(q.below_30 == 50);
+    CHECK(q.above_90 == 50);
+  }
+}
+
+TEST_CASE("quality: a mesh without triangles gives zeros") {
+  const QualityReport q = quality(quality_mesh({{0, 0, 0}}, {{0, 0, 0}}));
+  CHECK(q.triangles == 0);
+  CHECK(q.min_angle == 0);
+  CHECK(q.min_q == 0);
+  CHECK(q.mean_edge == 0);
+  CHECK(q.interior_vertices == 0);
+  CHECK(quality(Mesh{amps::Points(0, 3), amps::Triangles(0, 3)}).triangles == 0);
+}
+
+TEST_CASE("quality: valences above 14 go together; edges of three facets are interior") {
+  std::vector<std::array<double, 3>> points = {{0, 0, 1}, {0, 0, -1}};
+  std::vector<std::array<Index, 3>> triangles;
+  const Index n = 40;
+  for (Index i = 0; i < n; ++i) {  // a bipyramid
+    points.push_back({std::cos(2 * std::acos(-1) * i / n), std::sin(2 * std::acos(-1) * i / n), 0});
+    triangles.push_back({2 + i, 2 + (i + 1) % n, 0});
+    triangles.push_back({2 + (i + 1) % n, 2 + i, 1});
+  }
+  QualityReport q = quality(quality_mesh(points, triangles));
+  CHECK(q.valence[15] == 2);
+  CHECK(q.valence[4] == n);
+  triangles.push_back({2, 3, 0});  // twice the same facet: no new edge, and no boundary
+  q = quality(quality_mesh(points, triangles));
+  CHECK(q.interior_vertices == n + 2);
+  CHECK(q.valence[4] == n);
+}
+
+TEST_CASE("quality: agrees with a direct evaluation on random soups") {
+  Rng rng(1);
+  for (int trial = 0; trial < 30; ++trial) {
+    const Index n = 20;
+    std::vector<std::array<double, 3>> points;
+    for (Index i = 0; i < n; ++i) points.push_back({rng.uniform(), rng.uniform(), rng.uniform()});
+    std::vector<std::array<Index, 3>> triangles;
+    for (int f = 0; f < 60; ++f) {
+      triangles.push_back(
+          {static_cast<Index>(rng.below(n)), static_cast<Index>(rng.below(n)), static_cast<Index>(rng.below(n))});
+    }
+    const auto length = [&](Index a, Index b) {
+      const auto &p = points[static_cast<std::size_t>(a)], &q = points[static_cast<std::size_t>(b)];
+      return std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]);
+    };
+    std::map<std::pair<Index, Index>, int> edges;
+    double smallest = 180, largest = 0, sum_smallest = 0, sum_q = 0;
+    int count = 0, below = 0, above = 0;
+    for (const auto& t : triangles) {
+      if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) continue;
+      ++count;
+      double l[3], low = 180, high = 0;
+      for (std::size_t k = 0; k < 3; ++k) {
+        l[k] = length(t[(k + 1) % 3], t[(k + 2) % 3]);
+        ++edges[std::minmax(t[(k + 1) % 3], t[(k + 2) % 3])];
+      }
+      for (int k = 0; k < 3; ++k) {  // law of cosines
+        const double a = l[k], b = l[(k + 1) % 3], c = l[(k + 2) % 3];
+        const double angle = std::acos((b * b + c * c - a * a) / (2 * b * c)) * 180 / std::acos(-1);
+        low = std::min(low, angle);
+        high = std::max(high, angle);
+      }
+      const double s = (l[0] + l[1] + l[2]) / 2;  // Heron
+      sum_q += 6 / std::sqrt(3) * std::sqrt(s * (s - l[0]) * (s - l[1]) * (s - l[2])) / (s * std::max({l[0], l[1], l[2]}));
+      smallest = std::min(smallest, low);
+      largest = std::max(largest, high);
+      sum_smallest += low;
+      below += low < 30;
+      above += high > 90;
+    }
+    std::vector<int> degree(n, 0);
+    std::set<Index> boundary;
+    double sum_length = 0;
+    for (const auto& [e, uses] : edges) {
+      sum_length += length(e.first, e.second);
+      ++degree[static_cast<std::size_t>(e.first)];
+      ++degree[static_cast<std::size_t>(e.second)];
+      if (uses == 1) boundary.insert({e.first, e.second});
+    }
+    std::array<Index, 16> valence{};
+    for (Index v = 0; v < n; ++v) {
+      const int d = degree[static_cast<std::size_t>(v)];
+      if (d > 0 && boundary.count(v) == 0) ++valence[static_cast<std::size_t>(std::min(d, 15))];
+    }
+    const QualityReport q = quality(quality_mesh(points, triangles));
+    CHECK(q.triangles == count);
+    CHECK(q.min_angle == Approx(smallest).epsilon(1e-9));
+    CHECK(q.max_angle == Approx(largest).epsilon(1e-9));
+    CHECK(q.mean_min_angle == Approx(sum_smallest / count).epsilon(1e-9));
+    CHECK(q.mean_q == Approx(sum_q / count).epsilon(1e-9));
+    CHECK(q.below_30 == Approx(100.0 * below / count));
+    CHECK(q.above_90 == Approx(100.0 * above / count));
+    CHECK(q.mean_edge == Approx(sum_length / static_cast<double>(edges.size())));
+    CHECK(q.valence == valence);
+  }
+}
+
+TEST_CASE("quality: printing tells the numbers and leaves the stream's format alone") {
+  std::ostringstream out;
+  out << std::hex << std::setprecision(3);
+  out << quality(octahedron());
+  CHECK(out.str().find("min 60.00") != std::string::npos);
+  CHECK(out.str().find("4:6") != std::string::npos);
+  out.str("");
+  out << 255 << " " << 1.23456;
+  CHECK(out.str() == "ff 1.23");
+}

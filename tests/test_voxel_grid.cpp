@@ -1,0 +1,199 @@
+#include "amps/voxel_grid.h"
+
+#include "amps/predicates.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+using amps::Box;
+using amps::Index;
+using amps::kNone;
+using amps::Rng;
+using amps::Vec3;
+using amps::detail::AliasTable;
+using amps::detail::VoxelGrid;
+
+namespace {
+
+Vec3 point_in_box(Rng& rng, const Box& box) {
+  const Vec3 t(rng.uniform(), rng.uniform(), rng.uniform());
+  return box.min + t.cwiseProduct(box.max - box.min);
+}
+
+Box box_of(const Vec3& min, const Vec3& max) {
+  Box box;
+  box.min = min;
+  box.max = max;
+  return box;
+}
+
+}  // namespace
+
+TEST_CASE("voxel_grid: agrees with all pairs, whatever the radius, the box and the crowding") {
+  Rng rng(1);
+  for (const double radius : {0.02, 0.11, 0.5, 3.0}) {
+    for (const double shift : {0.0, 1000.0, -1e6}) {
+      const Box box = box_of(Vec3(shift, shift - 1, shift), Vec3(shift + 1, shift, shift + 0.25));
+      VoxelGrid grid(box, radius);
+      std::vector<Vec3> samples;
+      int conflicts = 0;
+      for (int dart = 0; dart < 2500; ++dart) {
+        // Up to r outside of the box too.
+        Vec3 x = point_in_box(rng, box);
+        if (dart % 7 == 0) x += radius * (2 * Vec3(rng.uniform(), rng.uniform(), rng.uniform()) - Vec3::Ones());
+        bool expected = false;
+        for (const Vec3& s : samples) expected |= (s - x).norm() < radius;
+        REQUIRE(grid.conflicts(x) == expected);
+        conflicts += expected;
+        const Index hit = grid.conflicting_sample(x);
+        REQUIRE((hit != kNone) == expected);
+        if (hit != kNone) REQUIRE((samples[static_cast<std::size_t>(hit)] - x).norm() < radius);
+        if (!expected || dart % 5 == 0) {  // conflicting ones now and then: voxels with many samples
+          grid.insert(x, static_cast<Index>(samples.size()));
+          samples.push_back(x);
+        }
+      }
+      CHECK(conflicts > 0);
+    }
+  }
+}
+
+TEST_CASE("voxel_grid: a point at distance exactly r is no conflict, the next double inward is") {
+  // (3, 4, 12)/13 and its like: integer triples, exact in doubles, at distance exactly r·scale.
+  const Vec3 directions[] = {Vec3(13, 0, 0),  Vec3(0, -13, 0),  Vec3(3, 4, 12),
+                             Vec3(-12, 3, 4), Vec3(4, -12, -3), Vec3(5, 12, 0)};
+  for (const double scale : {1.0, 0x1p-20, 0x1p30}) {
+    const double radius = 13 * scale;
+    const Box box = box_of(Vec3::Constant(-100 * scale), Vec3::Constant(100 * scale));
+    for (int place = 0; place < 40; ++place) {
+      const Vec3 p = Vec3(place, 2 * place - 17, 31 - place) * scale;
+      VoxelGrid grid(box, radius);
+      grid.insert(p, 0);
+      for (const Vec3& d : directions) {
+        Vec3 x = p + d * scale;
+        CHECK_FALSE(grid.conflicts(x));
+        int axis;
+        d.cwiseAbs().maxCoeff(&axis);
+        x[axis] = std::nextafter(x[axis], p[axis]);
+        CHECK(grid.conflicts(x));
+      }
+      CHECK(grid.conflicting_sample(p) == 0);
+    }
+  }
+}
+
+TEST_CASE("voxel_grid: near the radius the decision is the exact one") {
+  Rng rng(3);
+  const double radius = 0.1;
+  const double weight = radius * radius;
+  const Box box = box_of(Vec3::Zero(), Vec3::Ones());
+  int inside = 0, outside = 0, undecided_by_doubles = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    const Vec3 p = point_in_box(rng, box);
+    Vec3 d = point_in_box(rng, box) - Vec3::Constant(0.5);
+    const Vec3 x = p + d * (radius / d.norm());
+    VoxelGrid grid(box, radius);
+    grid.insert(p, 7);
+    const bool exact = amps::side_of_ball(x.data(), p.data(), weight) < 0;
+    REQUIRE(grid.conflicts(x) == exact);
+    (exact ? inside : outside) += 1;
+    undecided_by_doubles += exact != ((x - p).squaredNorm() < weight);
+  }
+  CHECK(inside > 1000);
+  CHECK(outside > 1000);
+  CHECK(undecided_by_doubles > 10);  // or this test would say nothing
+}
+
+TEST_CASE("voxel_grid: up to a million radii a side, down to radii that need scaling, and no further") {
+  const double r = 1e-6;
+  const Box unit = box_of(Vec3::Zero(), Vec3::Ones());
+  REQUIRE(VoxelGrid::fits(unit, r));
+  VoxelGrid grid(unit, r);
+  Rng rng(4);
+  std::vector<Vec3> samples;
+  for (Index i = 0; i < 5000; ++i) {
+    samples.push_back(point_in_box(rng, unit));
+    grid.insert(samples.back(), i);
+  }
+  for (int corner = 0; corner < 8; ++corner) {
+    samples.emplace_back(corner & 1, corner >> 1 & 1, corner >> 2 & 1);
+    grid.insert(samples.back(), static_cast<Index>(samples.size() - 1));
+  }
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const Vec3& s = samples[i];
+    CHECK(grid.conflicting_sample(s) == static_cast<Index>(i));
+    CHECK(grid.conflicts(s + Vec3(-0.9 * r, 0.1 * r, -0.1 * r)));
+    CHECK(grid.conflicts(s + Vec3(0.5 * r, 0.5 * r, 0.6 * r)));
+    CHECK_FALSE(grid.conflicts(s + Vec3(0, 0, i % 2 == 0 ? 1.01 * r : -1.01 * r)));
+  }
+
+  CHECK_FALSE(VoxelGrid::fits(unit, 1e-8));
+  CHECK_FALSE(VoxelGrid::fits(unit, 0));
+  CHECK_FALSE(VoxelGrid::fits(unit, std::numeric_limits<double>::quiet_NaN()));
+  CHECK_FALSE(VoxelGrid::fits(unit, 1e-200));
+  CHECK_FALSE(VoxelGrid::fits(unit, std::numeric_limits<double>::infinity()));
+  CHECK(VoxelGrid::fits(box_of(Vec3::Zero(), Vec3::Constant(1e-100)), 1e-103));
+  CHECK(VoxelGrid::fits(unit, 1e100));
+}
+
+TEST_CASE("alias table: frequencies follow the weights") {
+  Rng rng(5);
+  std::vector<double> weights = {0, 1, 2, 0, 5, 1e-3, 10, 0.5, 0, 7, 7, 7};
+  for (int i = 0; i < 40; ++i) weights.push_back(rng.uniform());
+  for (const double scale : {1.0, 1e300, 1e-300}) {
+    std::vector<double> scaled = weights;
+    double sum = 0;
+    for (double& w : scaled) {
+      sum += w;
+      w *= scale;
+    }
+    const AliasTable table(scaled);
+    std::vector<int> count(weights.size(), 0);
+    const int draws = 1000000;
+    for (int i = 0; i < draws; ++i) ++count[static_cast<std::size_t>(table.pick(rng))];
+    double chi2 = 0, freedom = -1;
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+      const double expected = draws * weights[i] / sum;
+      if (expected == 0) {
+        CHECK(count[i] == 0);
+        continue;
+      }
+      chi2 += (count[i] - expected) * (count[i] - expected) / expected;
+      freedom += 1;
+    }
+    CHECK(chi2 < freedom + 4 * std::sqrt(2 * freedom));
+  }
+}
+
+TEST_CASE("alias table: single entries, zeros among thirds, and what it refuses") {
+  Rng rng(6);
+  const AliasTable one(std::vector<double>{1e-308});
+  for (int i = 0; i < 100; ++i) CHECK(one.pick(rng) == 0);
+
+  std::vector<double> thirds;  // sums that round, with zeros that must never come up
+  for (int i = 0; i < 3000; ++i) thirds.push_back(i % 3 == 0 ? 0 : i % 3 == 1 ? 1.0 / 3 : 0.1);
+  const AliasTable table(thirds);
+  for (int i = 0; i < 200000; ++i) REQUIRE(table.pick(rng) % 3 != 0);
+
+  for (int trial = 0; trial < 2000; ++trial) {  // the same on tables that round each in its own way
+    std::vector<double> weights(5 + rng.below(20), 0.0);
+    for (std::size_t i = 3; i < weights.size(); ++i) weights[i] = rng.uniform();
+    const AliasTable random(weights);
+    for (int i = 0; i < 100; ++i) REQUIRE(random.pick(rng) >= 3);
+  }
+
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const std::vector<double>& bad : {std::vector<double>{}, {0, 0}, {1, -1}, {1, nan}, {1, infinity}}) {
+    try {
+      const AliasTable refused(bad);
+      FAIL("accepted");
+    } catch (const amps::Error& e) {
+      CHECK(e.code() == amps::ErrorCode::kInvalidArgument);
+    }
+  }
+}
