@@ -27,6 +27,7 @@ class SideFilter {
         sum_(other.position() + owner.position()),
         weights_(owner.w - other.w),
         gradient_(difference_.cwiseAbs().sum()),
+        slope_(2 * (1 + kOffsetSlack) * difference_.norm()),
         weight_error_(kSideRounding * std::fabs(weights_)) {}
 
   /// The side of x, known to `error` (which must include kPositionRounding of the coordinates: the sum above has that rounding
@@ -40,9 +41,17 @@ class SideFilter {
     return value > margin ? 1 : (-value > margin ? -1 : 0);
   }
 
+  /// True only if all points within `radius` of x are on the owner's side. NaN and infinity give false.
+  bool surely_inside(const Vec3& x, double radius, double error) const noexcept {
+    const double tx = sum_.x() - 2 * x.x(), ty = sum_.y() - 2 * x.y(), tz = sum_.z() - 2 * x.z();
+    const double value = (difference_.x() * tx + difference_.y() * ty + difference_.z() * tz) + weights_;
+    const double span = std::fabs(tx) + std::fabs(ty) + std::fabs(tz);
+    return value > slope_ * radius + (gradient_ * (2 * error + kSideRounding * span) + weight_error_);
+  }
+
  private:
   Vec3 difference_, sum_;
-  double weights_, gradient_, weight_error_;
+  double weights_, gradient_, slope_, weight_error_;
 };
 
 /// Order of a site's planes; ties by site, so that nothing depends on the sort.
@@ -220,6 +229,15 @@ struct RestrictedPowerDiagram::Batch {
   std::vector<Index> labels;
   std::vector<Index> queue;      ///< sites found in the current facet
   std::vector<Index> last_seen;  ///< by site: the facet it was last queued in
+
+  void add(Index facet, Index site, const Clipper& clipper) {
+    const std::size_t first = corners.size(), count = clipper.corners().size();
+    entries.push_back({facet, site, static_cast<Index>(count)});
+    corners.resize(first + count);
+    labels.resize(first + count);
+    std::copy(clipper.corners().begin(), clipper.corners().end(), corners.begin() + static_cast<std::ptrdiff_t>(first));
+    std::copy(clipper.labels().begin(), clipper.labels().end(), labels.begin() + static_cast<std::ptrdiff_t>(first));
+  }
 };
 
 RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites,
@@ -283,6 +301,7 @@ void RestrictedPowerDiagram::measure_facets() {
     facet_error_[slot(facet)] = collinear(position(0), position(1), position(2))
                                     ? -1.0
                                     : detail::kPositionError * std::sqrt(longest) + detail::kPositionRounding * largest;
+    largest_facet_error_ = std::max(largest_facet_error_, facet_error_[slot(facet)]);
   }
 }
 
@@ -310,35 +329,46 @@ RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes() const {
 void RestrictedPowerDiagram::build(unsigned threads, const Progress& progress) {
   const PlaneTable planes = all_planes();
   const std::vector<Index> owner = corner_owners(planes);
-  constexpr std::size_t kFacetsPerBatch = 4096;
   const std::size_t num_facets = slot(mesh_.num_facets());
-  std::vector<Batch> batches((num_facets + kFacetsPerBatch - 1) / kFacetsPerBatch);
+  // One thread fills the pools themselves; with more, batches are put together in their order, with the same result.
+  const std::size_t facets_per_batch = threads == 1 ? num_facets : 4096;
+  std::vector<Batch> batches((num_facets + facets_per_batch - 1) / facets_per_batch);
   std::atomic<std::size_t> done{0};
-  parallel_for(num_facets, kFacetsPerBatch, threads, [&](std::size_t begin, std::size_t end) {
-    if (progress.cancelled()) return;
-    Batch& batch = batches[begin / kFacetsPerBatch];
+  constexpr std::size_t kFacetsPerReport = 1024;
+  parallel_for(num_facets, facets_per_batch, threads, [&](std::size_t begin, std::size_t end) {
+    Batch& batch = batches[begin / facets_per_batch];
     batch.last_seen.assign(slot(num_sites()), kNone);
+    batch.entries.reserve(end - begin + 4 * slot(num_sites()) / batches.size());
+    batch.corners.reserve(4 * batch.entries.capacity());
+    batch.labels.reserve(4 * batch.entries.capacity());
     Clipper clipper(*this);
     for (std::size_t f = begin; f < end; ++f) {
+      if (f % kFacetsPerReport == 0) {
+        const std::size_t now_done = done += kFacetsPerReport;
+        if (!progress.report("restricted power diagram", std::min(1.0, static_cast<double>(now_done) / static_cast<double>(num_facets)))) return;
+      }
       if (facet_error_[f] < 0) continue;
       const Index facet = static_cast<Index>(f);
       clipper.set_facet(facet);
-      flood_facet(facet, owner[slot(mesh_.triangles(facet, 0))], planes, clipper, batch);
+      const Index owner_a = owner[slot(mesh_.triangles(facet, 0))];
+      if (owner_a == owner[slot(mesh_.triangles(facet, 1))] && owner_a == owner[slot(mesh_.triangles(facet, 2))]) {
+        clipper.start(owner_a);  // power cells are convex: the whole facet lies in this one
+        batch.add(facet, owner_a, clipper);
+      } else {
+        flood_facet(facet, owner_a, planes, clipper, batch);
+      }
     }
     batch.last_seen = {};
-    done += end - begin;
-    progress.report("restricted power diagram", static_cast<double>(done) / static_cast<double>(num_facets));
   });
   assemble(batches);
 }
 
-/// Puts the fragments of all facets together, each site's side by side and sites in the order in which facets meet them: local
-/// updates look at all fragments of a few sites, and would otherwise spend their time on cache misses.
+/// Puts the fragments of all facets together. Polygons stay in the order of facets, but the records of each site's fragments lie
+/// side by side, sites in the order in which facets meet them: local updates look through all fragments of a few sites, and would
+/// otherwise spend their time on cache misses.
 void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
   std::vector<Index> count(slot(num_sites()), 0), site_order;
-  std::size_t num_corners = 0;
   for (const Batch& batch : batches) {
-    num_corners += batch.corners.size();
     for (const Batch::Entry& entry : batch.entries) {
       if (count[slot(entry.site)]++ == 0) site_order.push_back(entry.site);
     }
@@ -350,42 +380,62 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
   }
   fragments_.reserve(slot(num_fragments_) + slot(num_fragments_) / 4);
   fragments_.resize(slot(num_fragments_));
-  corners_.reserve(num_corners + num_corners / 2);
-  labels_.reserve(num_corners + num_corners / 2);
-  std::vector<std::pair<const Batch*, Index>> source(slot(num_fragments_));
+  Index first = 0;
   for (const Batch& batch : batches) {
-    Index first = 0;
     for (const Batch::Entry& entry : batch.entries) {
-      const Index f = next[slot(entry.site)]++;
-      Fragment& fragment = fragments_[slot(f)];
+      Fragment& fragment = fragments_[slot(next[slot(entry.site)]++)];
       fragment.facet = entry.facet;
       fragment.site = entry.site;
+      fragment.first = first;
       fragment.size = fragment.capacity = entry.size;
-      source[slot(f)] = {&batch, first};
       first += entry.size;
     }
   }
-  for (Index f = num_fragments_ - 1; f >= 0; --f) link(f);  // backwards: lists run forwards
-  for (Index f = 0; f < num_fragments_; ++f) {
-    Fragment& fragment = fragments_[slot(f)];
-    const auto [batch, first] = source[slot(f)];
-    fragment.first = static_cast<Index>(corners_.size());
-    corners_.insert(corners_.end(), batch->corners.begin() + first, batch->corners.begin() + first + fragment.size);
-    labels_.insert(labels_.end(), batch->labels.begin() + first, batch->labels.begin() + first + fragment.size);
+  if (batches.size() == 1) {
+    corners_ = std::move(batches.front().corners);
+    labels_ = std::move(batches.front().labels);
+  } else {
+    corners_.resize(slot(first));
+    labels_.resize(slot(first));
+    std::size_t at = 0;
+    for (const Batch& batch : batches) {
+      std::copy(batch.corners.begin(), batch.corners.end(), corners_.begin() + static_cast<std::ptrdiff_t>(at));
+      std::copy(batch.labels.begin(), batch.labels.end(), labels_.begin() + static_cast<std::ptrdiff_t>(at));
+      at += batch.corners.size();
+    }
   }
+  for (Index f = num_fragments_ - 1; f >= 0; --f) link(f);  // backwards: lists run forwards
+  for (Fragment& fragment : fragments_) bound(fragment);
   reach_.resize(slot(num_sites()));
   for (Index s = 0; s < num_sites(); ++s) update_reach(s);
 }
 
 void RestrictedPowerDiagram::update_reach(Index s) {
   const Vec3 position = site(s).position();
-  double farthest = 0, error = 0;
+  double reach = 0;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
-    const Polygon p = polygon(f);
-    for (Index k = 0; k < p.size; ++k) farthest = std::max(farthest, (p.corners[k] - position).squaredNorm());
-    error = std::max(error, facet_error_[slot(p.facet)]);
+    const Fragment& fragment = fragments_[slot(f)];
+    const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
+    const double farthest = (centre - position).norm() + fragment.radius;
+    if (!(farthest <= reach)) reach = farthest;  // NaN from overflow stays, and prunes nothing
   }
-  reach_[slot(s)] = std::sqrt(farthest) * (1 + detail::kOffsetSlack) + error;
+  reach_[slot(s)] = reach * (1 + detail::kOffsetSlack) + largest_facet_error_;
+}
+
+/// Sets the ball around the corners. Floats carry 2^-24 of the coordinates; twice that and more is added to the radius.
+void RestrictedPowerDiagram::bound(Fragment& fragment) {
+  constexpr double kFloatSlack = 0x1p-21;
+  const Vec3* const corner = corners_.data() + fragment.first;
+  Vec3 low = corner[0], high = corner[0];
+  for (Index k = 1; k < fragment.size; ++k) {
+    low = low.cwiseMin(corner[k]);
+    high = high.cwiseMax(corner[k]);
+  }
+  const Vec3 centre = 0.5 * (low + high);
+  double farthest = 0;
+  for (Index k = 0; k < fragment.size; ++k) farthest = std::max(farthest, (corner[k] - centre).squaredNorm());
+  for (int a = 0; a < 3; ++a) fragment.centre[slot(a)] = static_cast<float>(centre[a]);
+  fragment.radius = static_cast<float>(std::sqrt(farthest) * (1 + kFloatSlack) + kFloatSlack * centre.cwiseAbs().sum());
 }
 
 /// The owner of every mesh vertex that a facet uses, found by walking from the last one over ever nearer neighbours.
@@ -432,9 +482,7 @@ void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTa
     clipper.start(s);
     clipper.clip_all(planes.begin(s), planes.end(s));
     AMPS_ASSERT(!clipper.empty());
-    batch.entries.push_back({facet, s, static_cast<Index>(clipper.corners().size())});
-    batch.corners.insert(batch.corners.end(), clipper.corners().begin(), clipper.corners().end());
-    batch.labels.insert(batch.labels.end(), clipper.labels().begin(), clipper.labels().end());
+    batch.add(facet, s, clipper);
     for (const Index label : clipper.labels()) {
       if (is_site(label) && batch.last_seen[slot(label)] != facet) {
         batch.last_seen[slot(label)] = facet;
@@ -477,6 +525,7 @@ void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& cl
   fragment.size = size;
   std::copy(clipper.corners().begin(), clipper.corners().end(), corners_.begin() + fragment.first);
   std::copy(clipper.labels().begin(), clipper.labels().end(), labels_.begin() + fragment.first);
+  bound(fragment);
 }
 
 void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper) {
@@ -573,15 +622,13 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
 void RestrictedPowerDiagram::clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets) {
   if (plane(site, by).offset > reach_[slot(site)]) return;
   const detail::SideFilter filter(this->site(site), this->site(by));
+  const double error = largest_facet_error_;
   bool any_clipped = false;
   for (Index f = first_of_site(site); f != kNone;) {
     const Index next = next_of_site(f);
     const Polygon polygon = this->polygon(f);
-    bool surely_kept = true;
-    for (Index k = 0; k < polygon.size && surely_kept; ++k) {
-      surely_kept = filter.side(polygon.corners[k], facet_error_[slot(polygon.facet)]) > 0;
-    }
-    if (surely_kept) {
+    const Fragment& fragment = fragments_[slot(f)];
+    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error)) {
       f = next;
       continue;
     }

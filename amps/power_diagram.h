@@ -104,6 +104,10 @@ class RestrictedPowerDiagram {
     Index capacity = 0;
     Index next_of_site = kNone, previous_of_site = kNone;
     Index next_of_facet = kNone, previous_of_facet = kNone;
+    /// A ball around the corners, rounded outwards: tells most fragments of a site from those an insertion touches, without a look
+    /// at the corners. With it a record is 52 bytes, and a site's fragments are read as a stream.
+    std::array<float, 3> centre{};
+    float radius = 0;
   };
 
   /// A neighbour and a lower bound of where its bisector crosses the ray from the owner towards it, in distance from the owner.
@@ -135,6 +139,7 @@ class RestrictedPowerDiagram {
   void link(Index f);
   void add_fragment(Index facet, Index site, const Clipper& clipper);
   void store_polygon(Fragment& fragment, const Clipper& clipper);
+  void bound(Fragment& fragment);
   void free_fragment(Index f);
   void clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets);
   void compact_pools();
@@ -148,7 +153,8 @@ class RestrictedPowerDiagram {
   std::size_t pool_garbage_ = 0;
   std::vector<Index> first_of_site_;
   std::vector<Index> first_of_facet_;
-  std::vector<double> facet_error_;
+  std::vector<double> facet_error_;  ///< bound of the error of computed corners; −1: no area
+  double largest_facet_error_ = 0;
   std::vector<double> reach_;  ///< by site: not less than the distance to any corner of its fragments
   Index num_fragments_ = 0;
   std::vector<Index> changed_;
