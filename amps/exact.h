@@ -20,21 +20,6 @@
 #include <cstdint>
 #include <cstring>
 
-// The bounds of Approx hold under FMA contraction (a fused operation rounds less), but results must not depend on the
-// compiler: contraction is switched off for vendored users too, who do not get our flags. -ffast-math breaks the bounds.
-#if defined(__FAST_MATH__)
-#error "amps decides exactly and cannot be compiled with -ffast-math; compile its sources without it"
-#endif
-#if defined(__clang__)
-#pragma STDC FP_CONTRACT OFF
-#elif defined(__GNUC__) && defined(__FP_FAST_FMA) && !defined(AMPS_BUILT_WITHOUT_CONTRACTION)
-// Only where the target has FMA and our own build has not passed -ffp-contract=off: the pragma keeps GCC from inlining across
-// its border, which costs a third of the speed of the clipping code (measured, GCC 12).
-#pragma GCC optimize("fp-contract=off")
-#elif defined(_MSC_VER)
-#pragma fp_contract(off)
-#endif
-
 namespace amps::detail {
 
 /// Half an ulp of 1: relative error of one rounding to nearest.

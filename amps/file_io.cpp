@@ -1,3 +1,4 @@
+#define AMPS_OWN_SOURCE
 #include "amps/file_io.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+#define AMPS_OWN_SOURCE
 #include "amps/mesh_io.h"
 
 #include "amps/file_io.h"

@@ -1,3 +1,4 @@
+#define AMPS_OWN_SOURCE
 #include "amps/power_diagram.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+#define AMPS_OWN_SOURCE
 #include "amps/sampling.h"
 
 #include "amps/gaps.h"

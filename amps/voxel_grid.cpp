@@ -1,3 +1,4 @@
+#define AMPS_OWN_SOURCE
 #include "amps/voxel_grid.h"
 
 #include "amps/exact.h"

@@ -1,0 +1,988 @@
+#include "amps/power_diagram.h"
+
+#include "amps/shapes.h"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+using amps::Error;
+using amps::ErrorCode;
+using amps::Index;
+using amps::kNone;
+using amps::Mesh;
+using amps::MeshView;
+using amps::Points;
+using amps::Rng;
+using amps::Triangles;
+using amps::Vec3;
+using Diagram = amps::RestrictedPowerDiagram;
+using Real = long double;
+
+namespace {
+
+struct Sites {
+  Points positions;
+  Eigen::VectorXd weights;
+  Index size() const { return static_cast<Index>(positions.rows()); }
+  Vec3 at(Index s) const { return positions.row(s).transpose(); }
+};
+
+Sites sites_of(const std::vector<Vec3>& positions) {
+  Sites sites{Points(static_cast<Index>(positions.size()), 3), Eigen::VectorXd::Zero(static_cast<Index>(positions.size()))};
+  for (Index s = 0; s < sites.size(); ++s) sites.positions.row(s) = positions[static_cast<std::size_t>(s)].transpose();
+  return sites;
+}
+
+Mesh mesh_of(const std::vector<Vec3>& vertices, const std::vector<std::array<Index, 3>>& triangles) {
+  Mesh mesh;
+  mesh.vertices = sites_of(vertices).positions;
+  mesh.triangles.resize(static_cast<Index>(triangles.size()), 3);
+  for (Index f = 0; f < mesh.triangles.rows(); ++f) {
+    for (int k = 0; k < 3; ++k) mesh.triangles(f, k) = triangles[static_cast<std::size_t>(f)][static_cast<std::size_t>(k)];
+  }
+  return mesh;
+}
+
+/// Uniform points of the surface, and a few within `lift` of it, with weights in [0, max_weight).
+Sites random_sites(const Mesh& mesh, Index n, double max_weight, std::uint64_t seed, double lift = 0) {
+  Rng rng(seed);
+  const std::vector<double> areas = amps::facet_areas(mesh);
+  std::vector<double> up_to(areas.size());
+  std::partial_sum(areas.begin(), areas.end(), up_to.begin());
+  Sites sites{Points(n, 3), Eigen::VectorXd(n)};
+  for (Index s = 0; s < n; ++s) {
+    const auto found = std::upper_bound(up_to.begin(), up_to.end(), rng.uniform() * up_to.back());
+    const auto facet = static_cast<Index>(std::min<std::ptrdiff_t>(found - up_to.begin(), mesh.triangles.rows() - 1));
+    const Vec3 b = amps::uniform_barycentric(rng);
+    Vec3 x = Vec3::Zero();
+    for (int k = 0; k < 3; ++k) x += b[k] * MeshView(mesh).corner(facet, k);
+    for (int k = 0; k < 3; ++k) x[k] += lift * (rng.uniform() - 0.5);
+    sites.positions.row(s) = x.transpose();
+    sites.weights[s] = max_weight * rng.uniform();
+  }
+  return sites;
+}
+
+/// Unconnected triangles of all sizes in the unit cube, some crossing each other.
+Mesh random_soup(Index n, std::uint64_t seed) {
+  Rng rng(seed);
+  std::vector<Vec3> vertices;
+  std::vector<std::array<Index, 3>> triangles;
+  for (Index f = 0; f < n; ++f) {
+    const Vec3 centre(rng.uniform(), rng.uniform(), rng.uniform());
+    const double size = rng.uniform();
+    for (int k = 0; k < 3; ++k) {
+      vertices.push_back(centre + size * (Vec3(rng.uniform(), rng.uniform(), rng.uniform()) - Vec3::Constant(0.5)));
+    }
+    triangles.push_back({3 * f, 3 * f + 1, 3 * f + 2});
+  }
+  return mesh_of(vertices, triangles);
+}
+
+/// A book of `pages` rectangles around one spine: a non-manifold edge.
+Mesh open_book(Index pages) {
+  std::vector<Vec3> vertices = {{0, 0, 0}, {0, 0, 1}};
+  std::vector<std::array<Index, 3>> triangles;
+  for (Index p = 0; p < pages; ++p) {
+    const double angle = 0.3 + 1.1 * p;
+    const Index v = static_cast<Index>(vertices.size());
+    for (const double z : {0.0, 1.0}) vertices.emplace_back(std::cos(angle), std::sin(angle), z);
+    triangles.push_back({0, v, v + 1});
+    triangles.push_back({0, v + 1, 1});
+  }
+  return mesh_of(vertices, triangles);
+}
+
+Mesh with_random_flips(Mesh mesh, std::uint64_t seed) {
+  Rng rng(seed);
+  for (Index f = 0; f < mesh.triangles.rows(); ++f) {
+    if (rng.below(2) == 0) std::swap(mesh.triangles(f, 1), mesh.triangles(f, 2));
+  }
+  return mesh;
+}
+
+Mesh joined(const Mesh& a, const Mesh& b) {
+  Mesh mesh{Points(a.vertices.rows() + b.vertices.rows(), 3), Triangles(a.triangles.rows() + b.triangles.rows(), 3)};
+  mesh.vertices << a.vertices, b.vertices;
+  mesh.triangles << a.triangles, (b.triangles.array() + static_cast<Index>(a.vertices.rows())).matrix();
+  return mesh;
+}
+
+Mesh small_knot() {
+  amps::KnotOptions options;
+  options.around = 6;
+  options.along = 60;
+  return amps::make_knot(options);
+}
+
+struct NamedMesh {
+  std::string name;
+  Mesh mesh;
+};
+
+std::vector<NamedMesh> small_meshes() {
+  return {{"square", amps::make_square(3)},
+          {"cube", amps::make_cube(2)},
+          {"sphere", amps::make_sphere(180)},
+          {"torus", amps::make_torus(1.0, 0.4, 14, 8)},
+          {"knot", small_knot()},
+          {"soup", random_soup(40, 11)},
+          {"book of 5 pages", open_book(5)},
+          {"sphere with flipped facets", with_random_flips(amps::make_sphere(180), 12)},
+          {"two components", joined(amps::make_sphere(80), amps::make_cube(1))}};
+}
+
+bool same_bits(const Vec3& a, const Vec3& b) { return std::memcmp(a.data(), b.data(), 3 * sizeof(double)) == 0; }
+
+/// The sites of a polygon corner: the owner and the labels of its two edges.
+std::array<Index, 3> corner_key(const Diagram::Polygon& p, Index k) {
+  std::array<Index, 3> key = {p.site, p.labels[k == 0 ? p.size - 1 : k - 1], p.labels[k]};
+  std::sort(key.begin(), key.end());
+  return key;
+}
+
+Real facet_area(const Mesh& mesh, Index facet) {
+  using V = Eigen::Matrix<Real, 3, 1>;
+  const V a = MeshView(mesh).corner(facet, 0).cast<Real>(), b = MeshView(mesh).corner(facet, 1).cast<Real>(),
+          c = MeshView(mesh).corner(facet, 2).cast<Real>();
+  return (b - a).cross(c - a).norm() / 2;
+}
+
+/// Area by the shoelace formula in the facet's plane, signed by the facet's orientation.
+Real signed_area(const Mesh& mesh, const Diagram::Polygon& p) {
+  using V = Eigen::Matrix<Real, 3, 1>;
+  const V a = MeshView(mesh).corner(p.facet, 0).cast<Real>(), b = MeshView(mesh).corner(p.facet, 1).cast<Real>(),
+          c = MeshView(mesh).corner(p.facet, 2).cast<Real>();
+  const V normal = (b - a).cross(c - a).normalized();
+  V sum = V::Zero();
+  for (Index k = 0; k < p.size; ++k) {
+    const V x = p.corners[k].cast<Real>() - a, y = p.corners[k + 1 == p.size ? 0 : k + 1].cast<Real>() - a;
+    sum += x.cross(y);
+  }
+  return sum.dot(normal) / 2;
+}
+
+bool is_degenerate(const Mesh& mesh, Index facet) {
+  const MeshView view(mesh);
+  return amps::collinear(view.position(mesh.triangles(facet, 0)), view.position(mesh.triangles(facet, 1)),
+                         view.position(mesh.triangles(facet, 2)));
+}
+
+/// Every combinatorial law of a restricted power diagram, proved from the public interface alone. Returns the first violation.
+std::string broken_law(const Mesh& mesh, const Diagram& diagram) {
+  if (const std::string found = diagram.check(); !found.empty()) return "check(): " + found;
+  struct Seen {
+    int times = 0;
+    Vec3 position = Vec3::Zero();
+  };
+  const auto see = [](Seen& seen, const Vec3& x) {
+    if (seen.times++ == 0) seen.position = x;
+    return same_bits(seen.position, x);
+  };
+  // Crossings of mesh edges, by the global ends of the edge and the two sites, over all facets.
+  std::map<std::array<Index, 4>, Seen> on_edge;
+  std::map<std::array<Index, 2>, int> facets_of_edge;
+  Index fragments = 0, listed_triangles = 0;
+  std::vector<Index> of_site(static_cast<std::size_t>(diagram.num_sites()), 0);
+  for (Index facet = 0; facet < mesh.triangles.rows(); ++facet) {
+    const std::string where = " on facet " + std::to_string(facet);
+    if (is_degenerate(mesh, facet)) {
+      if (diagram.first_of_facet(facet) != kNone) return "a facet without area has fragments:" + where;
+      continue;
+    }
+    for (int e = 0; e < 3; ++e) {
+      ++facets_of_edge[{std::min(mesh.triangles(facet, e), mesh.triangles(facet, (e + 1) % 3)),
+                        std::max(mesh.triangles(facet, e), mesh.triangles(facet, (e + 1) % 3))}];
+    }
+    std::map<std::array<Index, 3>, Seen> inside, at_border;
+    std::map<std::array<Index, 2>, int> shared_edges;
+    std::set<Index> owners;
+    Real total = 0, extent = 0;
+    for (int k = 0; k < 3; ++k) {
+      extent = std::max<Real>(extent, (MeshView(mesh).corner(facet, k) - MeshView(mesh).corner(facet, (k + 1) % 3)).norm());
+      extent = std::max<Real>(extent, 1e-3 * MeshView(mesh).corner(facet, k).cwiseAbs().maxCoeff());
+    }
+    for (Index f = diagram.first_of_facet(facet); f != kNone; f = diagram.next_of_facet(f)) {
+      const Diagram::Polygon p = diagram.polygon(f);
+      ++fragments;
+      ++of_site[static_cast<std::size_t>(p.site)];
+      if (!diagram.alive(f) || p.facet != facet || p.size < 3) return "a list holds what it should not" + where;
+      if (!diagram.visible(p.site)) return "a hidden site owns a fragment" + where;
+      if (!owners.insert(p.site).second) return "a site owns two fragments" + where;
+      const Real area = signed_area(mesh, p);
+      if (area < -1e-13L * extent * extent) return "a fragment runs clockwise" + where;
+      total += area;
+      for (Index k = 0; k < p.size; ++k) {
+        const std::array<Index, 3> key = corner_key(p, k);
+        const Index in = p.labels[k == 0 ? p.size - 1 : k - 1], out = p.labels[k];
+        if (in == out || in == p.site || out == p.site) return "labels repeat" + where;
+        const int mesh_edges = !Diagram::is_site(in) + !Diagram::is_site(out);
+        if (!see(mesh_edges == 0 ? inside[key] : at_border[key], p.corners[k])) return "corners at one vertex differ" + where;
+        listed_triangles += mesh_edges == 0;
+        if (Diagram::is_site(out)) ++shared_edges[{std::min(p.site, out), std::max(p.site, out)}];
+        if (mesh_edges == 1) {
+          const int e = Diagram::mesh_edge(Diagram::is_site(in) ? out : in);
+          const Index other = Diagram::is_site(in) ? in : out;
+          const Index u = mesh.triangles(facet, e), v = mesh.triangles(facet, (e + 1) % 3);
+          Seen& seen = on_edge[{std::min(u, v), std::max(u, v), std::min(p.site, other), std::max(p.site, other)}];
+          if (!see(seen, p.corners[k])) return "corners on the two sides of a mesh edge differ" + where;
+        }
+        if (mesh_edges == 2) {
+          const int corner = Diagram::mesh_edge(out);
+          if (Diagram::mesh_edge(in) != (corner + 2) % 3) return "mesh edges do not meet in a corner" + where;
+          if (!same_bits(p.corners[k], MeshView(mesh).corner(facet, corner))) return "a mesh corner has moved" + where;
+        }
+      }
+    }
+    if (std::fabs(total - facet_area(mesh, facet)) > 1e-12L * facet_area(mesh, facet) + 1e-14L * extent * extent) {
+      return "fragments do not tile" + where;
+    }
+    for (const auto& [key, seen] : inside) {
+      if (seen.times != 3) return "a vertex inside is seen " + std::to_string(seen.times) + " times" + where;
+    }
+    for (const auto& [key, seen] : at_border) {
+      const int expected = Diagram::is_site(key[1]) ? 2 : 1;  // sorted: mesh edges are negative and come first
+      if (seen.times != expected) return "a vertex on the border is seen " + std::to_string(seen.times) + " times" + where;
+    }
+    for (const auto& [key, times] : shared_edges) {
+      if (times != 2) return "a label is not mutual" + where;
+    }
+  }
+  for (const auto& [key, seen] : on_edge) {
+    if (seen.times != 2 * facets_of_edge[{key[0], key[1]}]) return "the facets of a mesh edge disagree on its crossings";
+  }
+  if (fragments != diagram.num_fragments()) return "num_fragments() is off";
+  for (Index s = 0; s < diagram.num_sites(); ++s) {
+    Index count = 0;
+    for (Index f = diagram.first_of_site(s); f != kNone; f = diagram.next_of_site(f)) {
+      if (diagram.polygon(f).site != s || !diagram.alive(f)) return "the list of a site holds what it should not";
+      ++count;
+    }
+    if (count != of_site[static_cast<std::size_t>(s)]) return "the list of a site is incomplete";
+  }
+  if (3 * diagram.dual_triangles().rows() != listed_triangles) return "dual_triangles() are not the vertices inside";
+  return "";
+}
+
+/// The oracle: area per site by clipping every facet with every bisector, no neighbours asked. Points are barycentric; a facet
+/// that lies in a bisector goes to the lexicographically smaller site, of equal positions the heaviest, then the first, owns
+/// all.
+std::vector<Real> brute_force_areas(const Mesh& mesh, const Sites& sites) {
+  using Point = std::array<Real, 3>;
+  std::vector<Real> areas(static_cast<std::size_t>(sites.size()), 0);
+  std::vector<Point> polygon, clipped;
+  for (Index facet = 0; facet < mesh.triangles.rows(); ++facet) {
+    if (is_degenerate(mesh, facet)) continue;
+    const Real whole = facet_area(mesh, facet);
+    for (Index i = 0; i < sites.size(); ++i) {
+      polygon = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+      for (Index j = 0; j < sites.size() && !polygon.empty(); ++j) {
+        if (i == j) continue;
+        const Vec3 p = sites.at(i), q = sites.at(j);
+        if (p == q) {
+          const double wi = sites.weights[i], wj = sites.weights[j];
+          if (wj > wi || (wj == wi && j < i)) polygon.clear();
+          continue;
+        }
+        Point d;
+        for (int c = 0; c < 3; ++c) {
+          const Vec3 x = MeshView(mesh).corner(facet, c);
+          Real sum = static_cast<Real>(sites.weights[i]) - static_cast<Real>(sites.weights[j]);
+          for (int a = 0; a < 3; ++a) {
+            sum += (static_cast<Real>(q[a]) - p[a]) * ((static_cast<Real>(q[a]) - x[a]) + (static_cast<Real>(p[a]) - x[a]));
+          }
+          d[static_cast<std::size_t>(c)] = sum;
+        }
+        if (d[0] == 0 && d[1] == 0 && d[2] == 0) {
+          if (std::lexicographical_compare(q.data(), q.data() + 3, p.data(), p.data() + 3)) polygon.clear();
+          continue;
+        }
+        const auto side = [&d](const Point& x) { return x[0] * d[0] + x[1] * d[1] + x[2] * d[2]; };
+        clipped.clear();
+        for (std::size_t k = 0; k < polygon.size(); ++k) {
+          const Point &x = polygon[k], &y = polygon[(k + 1) % polygon.size()];
+          const Real sx = side(x), sy = side(y);
+          if (sx >= 0) clipped.push_back(x);
+          if ((sx > 0 && sy < 0) || (sx < 0 && sy > 0)) {
+            const Real t = sx / (sx - sy);
+            clipped.push_back({x[0] + t * (y[0] - x[0]), x[1] + t * (y[1] - x[1]), x[2] + t * (y[2] - x[2])});
+          }
+        }
+        polygon = clipped;
+      }
+      Real twice = 0;  // in the plane of the last two coordinates, where the whole facet has area 1/2
+      for (std::size_t k = 2; k < polygon.size(); ++k) {
+        twice += (polygon[k - 1][1] - polygon[0][1]) * (polygon[k][2] - polygon[0][2]) -
+                 (polygon[k - 1][2] - polygon[0][2]) * (polygon[k][1] - polygon[0][1]);
+      }
+      areas[static_cast<std::size_t>(i)] += whole * twice;
+    }
+  }
+  return areas;
+}
+
+/// Largest difference between the areas of the diagram and the oracle's, relative to the larger of the cell and a thousandth of
+/// the mean one: rounding of a corner in space costs a tiny cell more than its share.
+double worst_area_error(const Mesh& mesh, const Sites& sites, const Diagram& diagram) {
+  const std::vector<Real> expected = brute_force_areas(mesh, sites);
+  const std::vector<double> areas = diagram.cell_areas();
+  REQUIRE(areas.size() == expected.size());
+  const Real total = std::accumulate(expected.begin(), expected.end(), Real(0));
+  Real worst = 0;
+  for (std::size_t s = 0; s < areas.size(); ++s) {
+    const Real scale = std::max(expected[s], Real(1e-3) * total / static_cast<Real>(areas.size()));
+    worst = std::max(worst, std::fabs(areas[s] - expected[s]) / scale);
+  }
+  return static_cast<double>(worst);
+}
+
+/// Facet, site, labels and corner bits of all fragments, each polygon turned to begin with its least label.
+struct Canonical {
+  std::vector<Index> labels;
+  std::vector<std::array<double, 3>> corners;
+  bool operator==(const Canonical& other) const { return labels == other.labels && corners == other.corners; }
+};
+using CanonicalDiagram = std::map<std::pair<Index, Index>, Canonical>;
+
+CanonicalDiagram canonical(const Diagram& diagram) {
+  CanonicalDiagram result;
+  for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+    if (!diagram.alive(f)) continue;
+    const Diagram::Polygon p = diagram.polygon(f);
+    const auto start = static_cast<Index>(std::min_element(p.labels, p.labels + p.size) - p.labels);
+    Canonical& entry = result[{p.facet, p.site}];
+    for (Index k = 0; k < p.size; ++k) {
+      const Index at = (start + k) % p.size;
+      entry.labels.push_back(p.labels[at]);
+      entry.corners.push_back({p.corners[at].x(), p.corners[at].y(), p.corners[at].z()});
+    }
+  }
+  return result;
+}
+
+/// Equal as sets of fragments.
+bool same_diagram(const Diagram& a, const Diagram& b) {
+  return a.num_sites() == b.num_sites() && a.num_fragments() == b.num_fragments() && canonical(a) == canonical(b);
+}
+
+Diagram inserted_one_by_one(const Mesh& mesh, const Sites& sites, Index at_once = 1) {
+  Diagram diagram(mesh, sites.positions.topRows(at_once), sites.weights.head(at_once));
+  for (Index s = at_once; s < sites.size(); ++s) {
+    REQUIRE(diagram.insert(sites.at(s), sites.weights[s], s % 3 == 0 ? kNone : s / 2) == s);
+  }
+  return diagram;
+}
+
+Index count_hidden(const Diagram& diagram) {
+  Index hidden = 0;
+  for (Index s = 0; s < diagram.num_sites(); ++s) hidden += !diagram.visible(s);
+  return hidden;
+}
+
+/// All laws at once, for inputs with ties: whatever they are, one diagram comes out, and it is right.
+void check_everything(const Mesh& mesh, const Sites& sites, double tolerance = 1e-12) {
+  const Diagram diagram(mesh, sites.positions, sites.weights);
+  CHECK(broken_law(mesh, diagram) == "");
+  CHECK(worst_area_error(mesh, sites, diagram) <= tolerance);
+  CHECK(same_diagram(diagram, inserted_one_by_one(mesh, sites)));
+}
+
+/// Integer points on the sphere |p|² = n.
+std::vector<Vec3> integer_sphere(int n) {
+  std::vector<Vec3> points;
+  const int m = static_cast<int>(std::sqrt(n));
+  for (int x = -m; x <= m; ++x) {
+    for (int y = -m; y <= m; ++y) {
+      for (int z = -m; z <= m; ++z) {
+        if (x * x + y * y + z * z == n) points.emplace_back(x, y, z);
+      }
+    }
+  }
+  return points;
+}
+
+Mesh scaled(Mesh mesh, double factor, const Vec3& offset = Vec3::Zero()) {
+  mesh.vertices *= factor;
+  mesh.vertices.rowwise() += offset.transpose();
+  return mesh;
+}
+
+ErrorCode error_of(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    CHECK(std::string(error.what()).size() > 20);
+    return error.code();
+  }
+  FAIL("no error was thrown");
+  return ErrorCode::kInternal;
+}
+
+}  // namespace
+
+TEST_CASE("power_diagram: fragments tile every facet, labels are mutual, corners at a vertex have the same bits") {
+  for (const auto& [name, mesh] : small_meshes()) {
+    CAPTURE(name);
+    const double size = amps::bounding_box(mesh).diagonal();
+    for (const Index n : {1, 2, 5, 40, 400}) {
+      for (const double weight : {0.0, 0.02, 0.3}) {
+        CAPTURE(n);
+        CAPTURE(weight);
+        const Sites sites = random_sites(mesh, n, weight * size * size / n, static_cast<std::uint64_t>(100 + n));
+        const Diagram diagram(mesh, sites.positions, sites.weights);
+        CHECK(broken_law(mesh, diagram) == "");
+        const std::vector<double> areas = diagram.cell_areas();
+        const double area = amps::total_area(mesh);
+        CHECK(std::accumulate(areas.begin(), areas.end(), 0.0) == doctest::Approx(area).epsilon(1e-12));
+      }
+    }
+  }
+}
+
+TEST_CASE("power_diagram: areas per site agree with a clip by all bisectors") {
+  for (const auto& [name, mesh] : small_meshes()) {
+    CAPTURE(name);
+    const double size = amps::bounding_box(mesh).diagonal();
+    for (const Index n : {2, 12, 50}) {
+      CAPTURE(n);
+      const double spacing2 = size * size / n;
+      const Sites uniform = random_sites(mesh, n, 0, 7);
+      CHECK(worst_area_error(mesh, uniform, {mesh, uniform.positions, uniform.weights}) <= 1e-12);
+      const Sites weighted = random_sites(mesh, n, 0.05 * spacing2, 8);
+      CHECK(worst_area_error(mesh, weighted, {mesh, weighted.positions, weighted.weights}) <= 1e-12);
+      const Sites off_surface = random_sites(mesh, n, 0.05 * spacing2, 9, 0.5 * size);
+      CHECK(worst_area_error(mesh, off_surface, {mesh, off_surface.positions, off_surface.weights}) <= 1e-12);
+      Sites negative = uniform;
+      negative.weights.setConstant(-3 * size * size);
+      CHECK(worst_area_error(mesh, negative, {mesh, negative.positions, negative.weights}) <= 1e-12);
+    }
+  }
+}
+
+TEST_CASE("power_diagram: hidden and duplicate sites own nothing, the others what is theirs") {
+  for (const auto& [name, mesh] : small_meshes()) {
+    CAPTURE(name);
+    const double size = amps::bounding_box(mesh).diagonal();
+    Sites sites = random_sites(mesh, 60, 0.5 * size * size, 21);
+    // Copies: of equal weight, lighter, heavier.
+    for (const Index s : {3, 10, 20}) {
+      sites.positions.row(s + 1) = sites.positions.row(s);
+      sites.positions.row(s + 2) = sites.positions.row(s);
+      sites.weights[s + 1] = sites.weights[s] = 0.5 * size * size;
+      sites.weights[s + 2] = sites.weights[s] + (s == 10 ? 0.01 : -0.01) * size * size;
+    }
+    const Diagram diagram(mesh, sites.positions, sites.weights);
+    CHECK(broken_law(mesh, diagram) == "");
+    CHECK(count_hidden(diagram) > 10);
+    CHECK(count_hidden(diagram) < 60);
+    CHECK(!diagram.visible(4));
+    CHECK(!diagram.visible(5));
+    CHECK(!diagram.visible(10));
+    CHECK(!diagram.visible(11));
+    CHECK(worst_area_error(mesh, sites, diagram) <= 1e-12);
+    const std::vector<double> areas = diagram.cell_areas();
+    for (Index s = 0; s < sites.size(); ++s) {
+      if (!diagram.visible(s)) CHECK(areas[static_cast<std::size_t>(s)] == 0);
+    }
+    CHECK(same_diagram(diagram, inserted_one_by_one(mesh, sites)));
+  }
+}
+
+TEST_CASE("power_diagram: a random point lies in the fragment of its power-nearest site") {
+  Rng rng(31);
+  for (const auto& [name, mesh] : small_meshes()) {
+    CAPTURE(name);
+    const double size = amps::bounding_box(mesh).diagonal();
+    const Sites sites = random_sites(mesh, 120, 0.1 * size * size / 120, 32);
+    const Diagram diagram(mesh, sites.positions, sites.weights);
+    for (int t = 0; t < 2000; ++t) {
+      const Index facet = static_cast<Index>(rng.below(static_cast<std::uint64_t>(mesh.triangles.rows())));
+      const Vec3 b = amps::uniform_barycentric(rng);
+      Vec3 x = Vec3::Zero();
+      for (int k = 0; k < 3; ++k) x += b[k] * MeshView(mesh).corner(facet, k);
+      Index nearest = 0;
+      const auto power = [&](Index s) { return (x - sites.at(s)).squaredNorm() - sites.weights[s]; };
+      for (Index s = 1; s < sites.size(); ++s) {
+        if (power(s) < power(nearest)) nearest = s;
+      }
+      Index f = diagram.first_of_facet(facet);
+      while (f != kNone && diagram.polygon(f).site != nearest) f = diagram.next_of_facet(f);
+      REQUIRE(f != kNone);
+      const Diagram::Polygon p = diagram.polygon(f);
+      const Vec3 a = MeshView(mesh).corner(facet, 0);
+      const Vec3 normal = (MeshView(mesh).corner(facet, 1) - a).cross(MeshView(mesh).corner(facet, 2) - a).normalized();
+      double outside = 0;
+      for (Index k = 0; k < p.size; ++k) {
+        const Vec3 edge = p.corners[k + 1 == p.size ? 0 : k + 1] - p.corners[k];
+        const double length = edge.norm();
+        if (length > 0) outside = std::max(outside, -edge.cross(x - p.corners[k]).dot(normal) / length);
+      }
+      // Edges that are too short to have a direction may put the point out by their length.
+      CHECK(outside <= 1e-9 * size);
+    }
+  }
+}
+
+TEST_CASE("power_diagram: a lattice of sites whose bisectors run along mesh edges and through mesh vertices") {
+  std::vector<Vec3> lattice;
+  for (int y = 0; y <= 6; ++y) {
+    for (int x = 0; x <= 6; ++x) lattice.emplace_back(x, y, 0);
+  }
+  const Sites sites = sites_of(lattice);
+  SUBCASE("mesh edges on bisectors") { check_everything(scaled(amps::make_square(12), 6), sites); }
+  SUBCASE("mesh vertices at sites") { check_everything(scaled(amps::make_square(6), 6), sites); }
+  SUBCASE("mesh vertices at the corners of cells only") {
+    check_everything(scaled(amps::make_square(6), 6, {-0.5, -0.5, 0}), sites);
+  }
+  SUBCASE("two facets, the diagonal through sites and corners of cells") {
+    check_everything(scaled(amps::make_square(1), 6), sites);
+  }
+  SUBCASE("the mesh above the lattice") { check_everything(scaled(amps::make_square(12), 6, {0, 0, 2}), sites); }
+  SUBCASE("equal weights") {
+    Sites weighted = sites;
+    weighted.weights.setConstant(0.7);
+    check_everything(scaled(amps::make_square(12), 6), weighted);
+  }
+  SUBCASE("weights of a checkerboard") {
+    Sites weighted = sites;
+    for (Index s = 0; s < sites.size(); ++s) weighted.weights[s] = s % 2 * 0.5;
+    check_everything(scaled(amps::make_square(24), 6), weighted);
+  }
+  SUBCASE("weights that hide every other site exactly") {
+    // Every other site of a row is on the lower hull of its neighbours: power cells of width zero.
+    Sites weighted = sites;
+    for (Index s = 0; s < sites.size(); ++s) weighted.weights[s] = s % 2 == 1 ? 1.0 : 0.0;
+    check_everything(scaled(amps::make_square(12), 6), weighted);
+  }
+}
+
+TEST_CASE("power_diagram: grids of sites in space, meshes in their planes of symmetry") {
+  std::vector<Vec3> grid;
+  for (int z = 0; z < 4; ++z) {
+    for (int y = 0; y < 4; ++y) {
+      for (int x = 0; x < 4; ++x) grid.emplace_back(x, y, z);
+    }
+  }
+  const Sites sites = sites_of(grid);
+  SUBCASE("facets through sites") { check_everything(scaled(amps::make_cube(3), 3), sites); }
+  SUBCASE("facets in bisectors") { check_everything(scaled(amps::make_cube(2), 2, {0.5, 0.5, 0.5}), sites); }
+  SUBCASE("facets in bisectors, cut at quarters") { check_everything(scaled(amps::make_cube(4), 2, {0.5, 0.5, 0.5}), sites); }
+  SUBCASE("slanted facets through many ties") {
+    check_everything(mesh_of({{0, 0, 0}, {3, 0, 3}, {0, 3, 3}, {3, 3, 0}}, {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}}),
+                     sites);
+  }
+}
+
+TEST_CASE("power_diagram: a facet within a bisector belongs to the lexicographically smaller site") {
+  const Mesh mesh = amps::make_square(2);
+  std::vector<Vec3> mirrored;
+  for (const Vec3& p : {Vec3(0.25, 0.25, 0.5), Vec3(0.75, 0.5, 0.25), Vec3(0.5, 0.875, 0.125)}) {
+    mirrored.push_back(p);
+    mirrored.emplace_back(p.x(), p.y(), -p.z());
+  }
+  const Sites sites = sites_of(mirrored);
+  check_everything(mesh, sites);
+  const Diagram diagram(mesh, sites.positions, sites.weights);
+  const std::vector<double> areas = diagram.cell_areas();
+  for (std::size_t s = 0; s < areas.size(); s += 2) {
+    CHECK(areas[s] == 0);
+    CHECK(areas[s + 1] > 0.05);
+  }
+}
+
+TEST_CASE("power_diagram: cospherical sites, all at one distance from a mesh vertex") {
+  for (const int n : {9, 14, 50}) {
+    CAPTURE(n);
+    std::vector<Vec3> points = integer_sphere(n);
+    REQUIRE(points.size() >= 30);
+    const Sites sites = sites_of(points);
+    check_everything(scaled(amps::make_cube(2), 8, {-4, -4, -4}), sites);
+    // Facets that meet at the common centre.
+    const Mesh fan = mesh_of({{0, 0, 0}, {9, 0, 0}, {0, 9, 0}, {0, 0, 9}, {-9, -9, 0}, {0, -9, -9}},
+                             {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {0, 4, 5}, {4, 0, 2}, {1, 5, 0}});
+    check_everything(fan, sites);
+    Sites with_centre = sites;
+    with_centre.positions.conservativeResize(sites.size() + 1, 3);
+    with_centre.weights.conservativeResize(sites.size() + 1);
+    with_centre.positions.row(sites.size()).setZero();
+    // The lightest site at the centre that is not seen: its power there equals the others'.
+    with_centre.weights[sites.size()] = -n;
+    check_everything(fan, with_centre);
+  }
+}
+
+TEST_CASE("power_diagram: sites at the vertices of the mesh") {
+  for (const auto& [name, mesh] : small_meshes()) {
+    if (mesh.vertices.rows() > 120) continue;
+    CAPTURE(name);
+    Sites sites{mesh.vertices, Eigen::VectorXd::Zero(mesh.vertices.rows())};
+    check_everything(mesh, sites);
+    sites.weights.setConstant(0.25);
+    check_everything(mesh, sites);
+  }
+}
+
+TEST_CASE("power_diagram: small integers everywhere, where ties are the rule") {
+  Rng rng(41);
+  const auto coordinate = [&rng](int n) { return static_cast<double>(rng.below(static_cast<std::uint64_t>(n))); };
+  for (int round = 0; round < 60; ++round) {
+    CAPTURE(round);
+    const int range = 3 + round % 3;
+    std::vector<Vec3> vertices, points;
+    std::vector<std::array<Index, 3>> triangles;
+    for (int v = 0; v < 12; ++v) vertices.emplace_back(coordinate(range), coordinate(range), round % 2 * coordinate(range));
+    for (int f = 0; f < 12; ++f) {
+      triangles.push_back(
+          {static_cast<Index>(rng.below(12)), static_cast<Index>(rng.below(12)), static_cast<Index>(rng.below(12))});
+    }
+    const Mesh mesh = mesh_of(vertices, triangles);
+    if (!(amps::total_area(mesh) > 0)) continue;
+    for (int s = 0; s < 25; ++s) points.emplace_back(coordinate(range), coordinate(range), round % 4 / 2 * coordinate(range));
+    Sites sites = sites_of(points);
+    if (round % 5 == 0) {
+      for (Index s = 0; s < sites.size(); ++s) sites.weights[s] = coordinate(3);
+    }
+    check_everything(mesh, sites);
+  }
+}
+
+TEST_CASE("power_diagram: thousands of insertions give the diagram of construction at once") {
+  const std::vector<NamedMesh> meshes = {{"square", amps::make_square(1)},
+                                         {"sphere", amps::make_sphere(1280)},
+                                         {"knot", small_knot()},
+                                         {"soup", random_soup(60, 51)},
+                                         {"book of 5 pages", open_book(5)}};
+  for (const auto& [name, mesh] : meshes) {
+    CAPTURE(name);
+    const Index n = 2500;
+    const double spacing2 = amps::total_area(mesh) / n;
+    for (const double weight : {0.0, 0.3, 6.0}) {
+      CAPTURE(weight);
+      const Sites sites = random_sites(mesh, n, weight * spacing2, 52);
+      const Diagram at_once(mesh, sites.positions, sites.weights);
+      if (weight > 1) CHECK(count_hidden(at_once) > n / 10);
+      const Diagram grown = inserted_one_by_one(mesh, sites, weight == 0.3 ? 500 : 1);
+      CHECK(same_diagram(at_once, grown));
+      CHECK(broken_law(mesh, grown) == "");
+      CHECK(grown.dual_triangles().rows() == at_once.dual_triangles().rows());
+    }
+  }
+}
+
+TEST_CASE("power_diagram: heavier and heavier sites hide all before them") {
+  const Mesh mesh = amps::make_sphere(320);
+  Sites sites = random_sites(mesh, 60, 0, 61);
+  for (Index s = 0; s < 60; ++s) sites.weights[s] = s < 50 ? 0.1 * s : 5.0 * s;
+  const Diagram grown = inserted_one_by_one(mesh, sites);
+  CHECK(same_diagram(grown, {mesh, sites.positions, sites.weights}));
+  CHECK(broken_law(mesh, grown) == "");
+  // Far more than any distance: the last one owns everything.
+  sites.weights[59] = 1e4;
+  const Diagram last = inserted_one_by_one(mesh, sites);
+  CHECK(last.num_fragments() == 320);
+  CHECK(last.cell_areas()[59] == doctest::Approx(amps::total_area(mesh)));
+  CHECK(same_diagram(last, {mesh, sites.positions, sites.weights}));
+}
+
+TEST_CASE("power_diagram: changed() lists exactly the fragments that an insertion touched") {
+  const Mesh mesh = amps::make_sphere(320);
+  const Sites sites = random_sites(mesh, 250, 0.3, 71);
+  Diagram diagram(mesh, sites.positions.topRows(5), sites.weights.head(5));
+  const auto snapshot = [&diagram] {
+    std::map<Index, std::pair<std::array<Index, 2>, Canonical>> result;
+    for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+      if (!diagram.alive(f)) continue;
+      const Diagram::Polygon p = diagram.polygon(f);
+      auto& entry = result[f];
+      entry.first = {p.facet, p.site};
+      entry.second.labels.assign(p.labels, p.labels + p.size);
+      for (Index k = 0; k < p.size; ++k) entry.second.corners.push_back({p.corners[k].x(), p.corners[k].y(), p.corners[k].z()});
+    }
+    return result;
+  };
+  Index hidden = 0;
+  for (Index s = 5; s < sites.size(); ++s) {
+    const auto before = snapshot();
+    diagram.insert(sites.at(s), sites.weights[s]);
+    const auto after = snapshot();
+    std::set<Index> expected;
+    for (const auto& [f, entry] : before) {
+      if (after.count(f) == 0 || !(after.at(f).first == entry.first && after.at(f).second == entry.second)) expected.insert(f);
+    }
+    for (const auto& [f, entry] : after) {
+      if (before.count(f) == 0) expected.insert(f);
+    }
+    const std::vector<Index>& changed = diagram.changed();
+    CHECK(std::set<Index>(changed.begin(), changed.end()) == expected);
+    CHECK(std::set<Index>(changed.begin(), changed.end()).size() == changed.size());
+    hidden += !diagram.visible(s);
+    if (!diagram.visible(s)) CHECK(changed.empty());
+  }
+  CHECK(hidden > 0);
+}
+
+TEST_CASE("power_diagram: any number of threads gives the same diagram, slot by slot") {
+  const Mesh mesh = amps::make_sphere(20000);
+  const Sites sites = random_sites(mesh, 3000, 1e-3, 81);
+  const Diagram one(mesh, sites.positions, sites.weights, 1);
+  for (const unsigned threads : {2u, 3u, 8u, 0u}) {
+    CAPTURE(threads);
+    const Diagram many(mesh, sites.positions, sites.weights, threads);
+    REQUIRE(many.fragment_capacity() == one.fragment_capacity());
+    bool same = true;
+    for (Index f = 0; f < one.fragment_capacity() && same; ++f) {
+      const Diagram::Polygon p = one.polygon(f), q = many.polygon(f);
+      same = p.facet == q.facet && p.site == q.site && p.size == q.size && std::equal(p.labels, p.labels + p.size, q.labels) &&
+             std::equal(p.corners, p.corners + p.size, q.corners, same_bits) && one.next_of_site(f) == many.next_of_site(f) &&
+             one.next_of_facet(f) == many.next_of_facet(f);
+    }
+    CHECK(same);
+    CHECK(one.dual_triangles() == many.dual_triangles());
+  }
+}
+
+TEST_CASE("power_diagram: dual triangles turn as their facet does and meet at a common power") {
+  const Mesh mesh = with_random_flips(amps::make_torus(1.0, 0.4, 20, 10), 91);
+  const Sites sites = random_sites(mesh, 300, 0.002, 92);
+  const Diagram diagram(mesh, sites.positions, sites.weights);
+  std::vector<Index> facets;
+  const Triangles dual = diagram.dual_triangles(&facets);
+  REQUIRE(facets.size() == static_cast<std::size_t>(dual.rows()));
+  CHECK(dual.rows() > 200);
+  for (Index t = 0; t < dual.rows(); ++t) {
+    const Index i = dual(t, 0), j = dual(t, 1), k = dual(t, 2);
+    CHECK((i < j && i < k && j != k));
+    const Index facet = facets[static_cast<std::size_t>(t)];
+    const Vec3 a = MeshView(mesh).corner(facet, 0);
+    const Vec3 normal = (MeshView(mesh).corner(facet, 1) - a).cross(MeshView(mesh).corner(facet, 2) - a);
+    CHECK((sites.at(j) - sites.at(i)).cross(sites.at(k) - sites.at(i)).dot(normal) > 0);
+    // The dual vertex is the corner of the fragment of i between its neighbours.
+    bool found = false;
+    for (Index f = diagram.first_of_site(i); f != kNone; f = diagram.next_of_site(f)) {
+      const Diagram::Polygon p = diagram.polygon(f);
+      for (Index c = 0; c < p.size && p.facet == facet; ++c) {
+        std::array<Index, 3> key = {i, j, k};
+        std::sort(key.begin(), key.end());
+        if (corner_key(p, c) != key) continue;
+        found = true;
+        const auto power = [&](Index s) { return (p.corners[c] - sites.at(s)).squaredNorm() - sites.weights[s]; };
+        CHECK(power(j) == doctest::Approx(power(i)).epsilon(1e-9));
+        CHECK(power(k) == doctest::Approx(power(i)).epsilon(1e-9));
+      }
+    }
+    CHECK(found);
+  }
+}
+
+TEST_CASE("power_diagram: facets without area are skipped, isolated vertices do not matter") {
+  Mesh mesh = amps::make_square(2);
+  const Index facets = static_cast<Index>(mesh.triangles.rows());
+  mesh.triangles.conservativeResize(facets + 4, 3);
+  mesh.triangles.row(facets) << 0, 0, 1;      // repeated index
+  mesh.triangles.row(facets + 1) << 4, 4, 4;  // a point
+  mesh.triangles.row(facets + 2) << 0, 1, 2;  // a line of three vertices
+  mesh.triangles.row(facets + 3) << 0, 4, 8;
+  mesh.vertices.conservativeResize(mesh.vertices.rows() + 1, 3);
+  mesh.vertices.row(mesh.vertices.rows() - 1) << 1e3, -1e3, 1e3;
+  const Sites sites = random_sites(amps::make_square(2), 30, 0.01, 101);
+  check_everything(mesh, sites);
+  const Diagram diagram(mesh, sites.positions, sites.weights);
+  for (Index f = facets; f < facets + 4; ++f) CHECK(diagram.first_of_facet(f) == kNone);
+}
+
+TEST_CASE("power_diagram: needles and caps") {
+  std::vector<Vec3> vertices;
+  std::vector<std::array<Index, 3>> triangles;
+  Rng rng(111);
+  for (int f = 0; f < 40; ++f) {
+    const double thin = std::pow(10.0, -1.0 - 0.35 * f);
+    const Vec3 a(rng.uniform(), rng.uniform(), rng.uniform()), b(rng.uniform(), rng.uniform(), rng.uniform());
+    const Index v = static_cast<Index>(vertices.size());
+    vertices.insert(vertices.end(),
+                    {a, b, (f % 2 == 0 ? (a + b) / 2 : a) + thin * Vec3(rng.uniform(), rng.uniform(), rng.uniform())});
+    triangles.push_back({v, v + 1, v + 2});
+  }
+  const Mesh mesh = mesh_of(vertices, triangles);
+  const Sites sites = random_sites(mesh, 80, 0.01, 112, 0.3);
+  const Diagram diagram(mesh, sites.positions, sites.weights);
+  CHECK(broken_law(mesh, diagram) == "");
+  // A facet 1 long and 1e-15 wide: its corners are as good as doubles are, its area is not.
+  CHECK(worst_area_error(mesh, sites, diagram) <= 1e-9);
+  CHECK(same_diagram(diagram, inserted_one_by_one(mesh, sites)));
+}
+
+TEST_CASE("power_diagram: far from the origin") {
+  for (const double far : {1e6, 1e9}) {
+    CAPTURE(far);
+    const Mesh mesh = scaled(amps::make_sphere(320), 1.0, {far, -far, 0.3 * far});
+    const Sites sites = random_sites(mesh, 50, 0.01, 121);
+    const Diagram diagram(mesh, sites.positions, sites.weights);
+    CHECK(broken_law(mesh, diagram) == "");
+    // Corners are doubles near `far`: that is what the areas can be good to. The structure is exact.
+    CHECK(worst_area_error(mesh, sites, diagram) <= 1e-15 * far * 100);
+    CHECK(same_diagram(diagram, inserted_one_by_one(mesh, sites)));
+  }
+}
+
+TEST_CASE("power_diagram: scaling by a power of two changes no label") {
+  const Mesh mesh = amps::make_torus(1.0, 0.4, 14, 8);
+  const Sites sites = random_sites(mesh, 150, 0.01, 131);
+  const Diagram original(mesh, sites.positions, sites.weights);
+  const CanonicalDiagram expected = canonical(original);
+  const std::vector<double> areas = original.cell_areas();
+  for (const int exponent : {-332, -100, -30, 1, 30, 100, 332}) {  // 2^332 ≈ 1e100
+    CAPTURE(exponent);
+    const double factor = std::ldexp(1.0, exponent);
+    const Mesh big = scaled(mesh, factor);
+    const Points positions = sites.positions * factor;
+    const Eigen::VectorXd weights = sites.weights * factor * factor;
+    const Diagram diagram(big, positions, weights);
+    const CanonicalDiagram found = canonical(diagram);
+    REQUIRE(found.size() == expected.size());
+    bool same_labels = true;
+    double worst = 0;
+    for (auto a = expected.begin(), b = found.begin(); a != expected.end(); ++a, ++b) {
+      same_labels = same_labels && a->first == b->first && a->second.labels == b->second.labels;
+      if (!same_labels) break;
+      for (std::size_t k = 0; k < a->second.corners.size(); ++k) {
+        for (std::size_t c = 0; c < 3; ++c) {
+          worst = std::max(worst, std::fabs(a->second.corners[k][c] - b->second.corners[k][c] / factor));
+        }
+      }
+    }
+    CHECK(same_labels);
+    CHECK(worst <= 1e-14);
+    CHECK(diagram.check() == "");
+    const std::vector<double> scaled_areas = diagram.cell_areas();
+    for (std::size_t s = 0; s < areas.size(); ++s) {
+      CHECK(scaled_areas[s] / factor / factor == doctest::Approx(areas[s]).epsilon(1e-12));
+    }
+  }
+}
+
+TEST_CASE("power_diagram: sites far away from the mesh, and one site alone") {
+  const Mesh mesh = amps::make_sphere(80);
+  Sites sites = random_sites(mesh, 20, 0, 141);
+  sites.positions.rowwise() += Eigen::RowVector3d(1e4, 0, 0);
+  const Diagram diagram(mesh, sites.positions, sites.weights);
+  CHECK(broken_law(mesh, diagram) == "");
+  CHECK(worst_area_error(mesh, sites, diagram) <= 1e-9);
+
+  Diagram alone(mesh, Points::Zero(1, 3), Eigen::VectorXd::Zero(1));
+  CHECK(alone.num_fragments() == mesh.triangles.rows());
+  CHECK(broken_law(mesh, alone) == "");
+  CHECK(alone.dual_triangles().rows() == 0);
+  // Sites far outside of what it was made for.
+  for (const Vec3& x : {Vec3(1e5, 0, 0), Vec3(-1e3, 1e3, 0), Vec3(0, 0.1, 0)}) alone.insert(x, 0);
+  alone.insert(Vec3(50, 0, 0), 2500);  // its ball touches the middle of the sphere
+  const Sites all{alone.num_sites() == 5 ? Points(5, 3) : Points(0, 3), (Eigen::VectorXd(5) << 0, 0, 0, 0, 2500).finished()};
+  REQUIRE(all.size() == 5);
+  Sites same = all;
+  same.positions << 0, 0, 0, 1e5, 0, 0, -1e3, 1e3, 0, 0, 0.1, 0, 50, 0, 0;
+  CHECK(broken_law(mesh, alone) == "");
+  CHECK(worst_area_error(mesh, same, alone) <= 1e-11);
+  CHECK(alone.cell_areas()[4] > 1);
+}
+
+TEST_CASE("power_diagram: errors say what is wrong, and an insertion that fails changes nothing") {
+  const Mesh mesh = amps::make_sphere(80);
+  const Sites sites = random_sites(mesh, 20, 0, 151);
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  const auto make = [](const Mesh& m, const Points& p, const Eigen::VectorXd& w) { return Diagram(m, p, w); };
+  CHECK(error_of([&] { make(mesh, Points(0, 3), Eigen::VectorXd(0)); }) == ErrorCode::kInvalidArgument);
+  CHECK(error_of([&] { make(mesh, sites.positions, sites.weights.head(19)); }) == ErrorCode::kInvalidArgument);
+  for (const double bad : {nan, inf, -inf}) {
+    Points positions = sites.positions;
+    positions(7, 1) = bad;
+    CHECK(error_of([&] { make(mesh, positions, sites.weights); }) == ErrorCode::kInvalidArgument);
+    Eigen::VectorXd weights = sites.weights;
+    weights[7] = bad;
+    CHECK(error_of([&] { make(mesh, sites.positions, weights); }) == ErrorCode::kInvalidArgument);
+    Mesh broken = mesh;
+    broken.vertices(3, 2) = bad;
+    CHECK(error_of([&] { make(broken, sites.positions, sites.weights); }) == ErrorCode::kInvalidMesh);
+  }
+  Mesh out_of_range = mesh;
+  out_of_range.triangles(5, 1) = static_cast<Index>(mesh.vertices.rows());
+  CHECK(error_of([&] { make(out_of_range, sites.positions, sites.weights); }) == ErrorCode::kInvalidMesh);
+  CHECK(error_of([&] { make(Mesh{}, sites.positions, sites.weights); }) == ErrorCode::kInvalidMesh);
+  Mesh flat = mesh;
+  flat.vertices.rightCols(2).setZero();
+  CHECK(error_of([&] { make(flat, sites.positions, sites.weights); }) == ErrorCode::kInvalidMesh);
+
+  Diagram diagram(mesh, sites.positions, sites.weights);
+  const CanonicalDiagram before = canonical(diagram);
+  CHECK(error_of([&] { diagram.insert({nan, 0, 0}, 0); }) == ErrorCode::kInvalidArgument);
+  CHECK(error_of([&] { diagram.insert({0, 0, 0}, inf); }) == ErrorCode::kInvalidArgument);
+  CHECK(diagram.num_sites() == 20);
+  CHECK(canonical(diagram) == before);
+  CHECK(broken_law(mesh, diagram) == "");
+  CHECK(diagram.insert({0, 0, 0.9}, 0) == 20);
+  CHECK(broken_law(mesh, diagram) == "");
+}
+
+TEST_CASE("power_diagram: the laws notice a diagram of another mesh") {
+  // The oracle itself: it must fail where it should.
+  const Mesh mesh = amps::make_sphere(80), other = scaled(mesh, 1.0, {0, 0, 1e-6});
+  const Sites sites = random_sites(mesh, 20, 0, 161), moved = random_sites(mesh, 20, 0, 162);
+  const Diagram diagram(mesh, sites.positions, sites.weights);
+  CHECK(broken_law(other, diagram) != "");
+  CHECK(worst_area_error(mesh, moved, diagram) > 1e-3);
+  CHECK(!same_diagram(diagram, {mesh, moved.positions, moved.weights}));
+}
+
+TEST_SUITE("slow") {
+  TEST_CASE("power_diagram: tens of thousands of insertions on fine meshes give the diagram of construction at once") {
+    const std::vector<NamedMesh> meshes = {{"sphere", amps::make_sphere(20000)},
+                                           {"knot", amps::make_knot()},
+                                           {"square", amps::make_square(1)},
+                                           {"torus with flipped facets", with_random_flips(amps::make_torus(), 171)}};
+    for (const auto& [name, mesh] : meshes) {
+      CAPTURE(name);
+      const Index n = 20000;
+      for (const double weight : {0.0, 0.5, 4.0}) {
+        CAPTURE(weight);
+        const Sites sites = random_sites(mesh, n, weight * amps::total_area(mesh) / n, 172);
+        const Diagram at_once(mesh, sites.positions, sites.weights, 2);
+        CHECK(broken_law(mesh, at_once) == "");
+        CHECK(same_diagram(at_once, inserted_one_by_one(mesh, sites, 100)));
+      }
+    }
+  }
+
+  TEST_CASE("power_diagram: large lattices on the square") {
+    for (const int n : {40, 64}) {
+      CAPTURE(n);
+      std::vector<Vec3> lattice;
+      for (int y = 0; y <= n; ++y) {
+        for (int x = 0; x <= n; ++x) lattice.emplace_back(x, y, 0);
+      }
+      const Sites sites = sites_of(lattice);
+      for (const Index cells : {1, n, 2 * n}) {
+        CAPTURE(cells);
+        const Mesh mesh = scaled(amps::make_square(cells), n);
+        const Diagram diagram(mesh, sites.positions, sites.weights);
+        CHECK(broken_law(mesh, diagram) == "");
+        const std::vector<double> areas = diagram.cell_areas();
+        for (Index s = 0; s < sites.size(); ++s) {
+          const auto half = [n](double x) { return x == 0 || x == n ? 0.5 : 1.0; };
+          CHECK(areas[static_cast<std::size_t>(s)] ==
+                doctest::Approx(half(sites.at(s).x()) * half(sites.at(s).y())).epsilon(1e-12));
+        }
+        CHECK(same_diagram(diagram, inserted_one_by_one(mesh, sites)));
+      }
+    }
+  }
+}
