@@ -19,7 +19,13 @@ namespace {
 /// radius r/2 (Feder 1980), 0.547·4/π = 0.6965 far from borders.
 constexpr double kMaximalDensity = 0.6965;
 constexpr double kTargetTolerance = 0.02;
-constexpr int kTargetAttempts = 12;
+/// Runs made for a target end at this many, and sooner when together they have drawn this many samples: small sets, whose counts
+/// scatter by more than the tolerance, are cheap to draw again.
+constexpr int kTargetAttempts = 100;
+constexpr int kLeastTargetAttempts = 8;
+constexpr double kTargetSamples = 1e5;
+/// Offset between the seeds of those runs: 2^64 over the golden ratio.
+constexpr std::uint64_t kSeedStride = 0x9e3779b97f4a7c15u;
 
 /// More samples than this would not leave the triangulation's cells their 32-bit names.
 constexpr double kMaxSamples = 5e7;
@@ -69,6 +75,14 @@ void require_sample_set(const SampleSet& samples) {
     throw Error(ErrorCode::kInvalidArgument, "samples: " + std::to_string(samples.positions.rows()) + " positions with " +
                                                  std::to_string(samples.radii.size()) + " radii; give one radius a sample");
   }
+  const bool placed = !samples.facets.empty() || samples.barycentrics.rows() != 0;
+  if (placed && (samples.facets.size() != static_cast<std::size_t>(samples.size()) ||
+                 samples.barycentrics.rows() != samples.positions.rows())) {
+    throw Error(ErrorCode::kInvalidArgument, "samples: " + std::to_string(samples.positions.rows()) + " positions with " +
+                                                 std::to_string(samples.facets.size()) + " facets and " +
+                                                 std::to_string(samples.barycentrics.rows()) +
+                                                 " barycentrics; give one of each a sample, or neither");
+  }
   for (Index s = 0; s < samples.size(); ++s) {
     if (!samples.positions.row(s).allFinite() || !(samples.radii[s] > 0) || !std::isfinite(samples.radii[s])) {
       throw Error(ErrorCode::kInvalidArgument, "samples: sample " + std::to_string(s) +
@@ -91,7 +105,7 @@ struct GrowingSet {
     facets.push_back(at.facet);
   }
   void add_all(const SampleSet& samples) {
-    const bool placed = samples.facets.size() == static_cast<std::size_t>(samples.size());
+    const bool placed = !samples.facets.empty();
     for (Index s = 0; s < samples.size(); ++s) {
       SurfacePoint at;
       if (placed) at = {samples.facets[static_cast<std::size_t>(s)], samples.barycentrics.row(s).transpose()};
@@ -110,10 +124,16 @@ Vec3 position_of(const MeshView& mesh, const SurfacePoint& at) {
          at.barycentric[2] * mesh.corner(at.facet, 2);
 }
 
+/// Unit normal of a facet with area, at any scale whose squares a double holds.
+Vec3 normal_of(const MeshView& mesh, Index facet) {
+  const Vec3 a = mesh.corner(facet, 0);
+  return (mesh.corner(facet, 1) - a).cross(mesh.corner(facet, 2) - a).stableNormalized();
+}
+
 /// The point of the facet below x, which lies in its plane up to rounding.
 SurfacePoint surface_point(const MeshView& mesh, Index facet, const Vec3& x) {
   const Vec3 a = mesh.corner(facet, 0), b = mesh.corner(facet, 1), c = mesh.corner(facet, 2);
-  const Vec3 normal = (b - a).cross(c - a);
+  const Vec3 normal = normal_of(mesh, facet);
   Vec3 weight((b - x).cross(c - x).dot(normal), (c - x).cross(a - x).dot(normal), (a - x).cross(b - x).dot(normal));
   weight = weight.cwiseMax(0.0);
   return {facet, weight / weight.sum()};
@@ -124,14 +144,16 @@ SurfacePoint surface_point(const MeshView& mesh, Index facet, const Vec3& x) {
 
 /// What both stages share: the mesh, one radius, the samples so far and the grid that tells conflicts among them.
 struct SamplingTask {
-  SamplingTask(const MeshView& m, const SamplingOptions& o, double r)
-      : mesh(m), options(o), radius(r), grid(bounding_box(m), r) {
+  SamplingTask(const MeshView& m, const SamplingOptions& o, double r, std::uint64_t seed)
+      : mesh(m), options(o), radius(r), grid(bounding_box(m), r), rng(seed) {
     report.radius = r;
+    report.seed = seed;
   }
   const MeshView& mesh;
   const SamplingOptions& options;
   double radius;
   VoxelGrid grid;
+  Rng rng;  ///< one sequence for both stages: gap darts must not repeat the random numbers of the first darts
   GrowingSet set;
   SamplingReport report;
   Status status = Status::kDone;
@@ -140,7 +162,7 @@ struct SamplingTask {
 void run_darts(SamplingTask& task, const std::vector<double>& areas, double total) {
   Stopwatch watch;
   const AliasTable table(areas);
-  Rng rng(task.options.seed);
+  Rng rng = task.rng;
   const double expected = kMaximalDensity * total / (task.radius * task.radius);
   for (int rejections = 0; rejections < task.options.max_rejections;) {
     SurfacePoint dart;
@@ -160,6 +182,7 @@ void run_darts(SamplingTask& task, const std::vector<double>& areas, double tota
       break;
     }
   }
+  task.rng = rng;
   task.report.dart_samples = task.set.size();
   task.report.seconds_darts += watch.lap();
 }
@@ -212,9 +235,7 @@ class SumTree {
 };
 
 FragmentView fragment_view(const MeshView& mesh, const RestrictedPowerDiagram::Polygon& polygon) {
-  const Vec3 a = mesh.corner(polygon.facet, 0);
-  const Vec3 normal = (mesh.corner(polygon.facet, 1) - a).cross(mesh.corner(polygon.facet, 2) - a);
-  return {polygon.corners, static_cast<std::size_t>(polygon.size), normal / normal.norm()};
+  return {polygon.corners, static_cast<std::size_t>(polygon.size), normal_of(mesh, polygon.facet)};
 }
 
 Ball ball_of(const WeightedPoint& site) { return {site.position(), site.w}; }
@@ -226,7 +247,7 @@ bool fragment_has_gap(const RestrictedPowerDiagram& diagram, const RestrictedPow
 /// Gap area per fragment, kept up to date through insertions.
 class GapFiller {
  public:
-  GapFiller(SamplingTask& task, RestrictedPowerDiagram& diagram) : task_(task), diagram_(diagram), rng_(task.options.seed) {
+  GapFiller(SamplingTask& task, RestrictedPowerDiagram& diagram) : task_(task), diagram_(diagram) {
     for (Index f = 0; f < diagram.fragment_capacity(); ++f) refresh(f);
   }
 
@@ -255,11 +276,11 @@ class GapFiller {
   }
 
   void fill_one() {
-    const Index f = gaps_.pick(rng_.uniform());
+    const Index f = gaps_.pick(task_.rng.uniform());
     const auto polygon = diagram_.polygon(f);
     gap_.assign(fragment_view(task_.mesh, polygon), ball_of(diagram_.site(polygon.site)));
     for (int dart = 0; dart < kGapDarts; ++dart) {
-      const SurfacePoint at = surface_point(task_.mesh, polygon.facet, gap_.sample(rng_));
+      const SurfacePoint at = surface_point(task_.mesh, polygon.facet, gap_.sample(task_.rng));
       const Vec3 x = position_of(task_.mesh, at);
       if (x.allFinite() && is_free(x, polygon, dart + 1 == kGapDarts ? kSeparationSlack : 0.0)) {
         insert(x, at, polygon.site);
@@ -295,7 +316,6 @@ class GapFiller {
 
   SamplingTask& task_;
   RestrictedPowerDiagram& diagram_;
-  Rng rng_;
   FragmentGap gap_;
   SumTree gaps_;
 };
@@ -341,34 +361,38 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   const std::vector<double> areas = facet_areas(mesh);
   const double area = total_area(mesh);
   const Box box = bounding_box(mesh);
-  const auto run_once = [&](double radius) {
+  const auto run_once = [&](double radius, std::uint64_t seed) {
     require_feasible_radius(radius, area, box);
-    SamplingTask task(mesh, options, radius);
+    SamplingTask task(mesh, options, radius, seed);
     run_darts(task, areas, area);
     std::unique_ptr<RestrictedPowerDiagram> diagram;
     if (task.status == Status::kDone) diagram = run_gap_filling(task);
     return finish_run(task, std::move(diagram));
   };
-  if (!by_count) return run_once(options.radius);
+  if (!by_count) return run_once(options.radius, options.seed);
 
-  // The count is a random function of the radius, close to density·area/r²: scale the radius by what the last run missed.
+  // The count is a random function of the radius, close to density·area/r²: every run improves the estimate of the density.
   const double target = options.target_count;
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
-  double radius = std::sqrt(kMaximalDensity * area / target);
   SamplingRun best;
   SamplingReport total;
+  double density = kMaximalDensity, density_sum = 0;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
-    SamplingRun run = run_once(radius);
+    const double radius = std::sqrt(density * area / target);
+    SamplingRun run = run_once(radius, options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride);
     total.attempts = attempt;
     add_up(total, run.result.report);
     if (run.result.status == Status::kCancelled) {
       best = std::move(run);
       break;
     }
-    const double count = run.result.samples.size();
+    // The first estimate may be far off (thin or rough surfaces): later ones start the mean over.
+    const double estimate = run.result.samples.size() * radius * radius / area;
+    density_sum = attempt == 2 ? 2 * estimate : density_sum + estimate;
+    density = density_sum / attempt;
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;
-    radius *= std::sqrt(count / target);
+    if (attempt >= kLeastTargetAttempts && attempt * target > kTargetSamples) break;
   }
   SamplingReport& report = best.result.report;
   report.attempts = total.attempts;
@@ -460,7 +484,7 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
   }
   const double area = total_area(mesh);
   detail::require_feasible_radius(options.radius, area, bounding_box(mesh));
-  detail::SamplingTask task(mesh, options, options.radius);
+  detail::SamplingTask task(mesh, options, options.radius, options.seed);
   detail::run_darts(task, facet_areas(mesh), area);
   return std::move(detail::finish_run(task, nullptr).result);
 }
@@ -483,7 +507,7 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
   box.min = box.min.cwiseMin(existing.positions.colwise().minCoeff().transpose());
   box.max = box.max.cwiseMax(existing.positions.colwise().maxCoeff().transpose());
   detail::require_feasible_radius(radius, total_area(mesh), box);
-  detail::SamplingTask task(mesh, options, radius);
+  detail::SamplingTask task(mesh, options, radius, options.seed);
   task.grid = detail::VoxelGrid(box, radius);
   task.set.add_all(existing);
   for (Index s = 0; s < existing.size(); ++s) task.grid.insert(existing.positions.row(s).transpose(), s);

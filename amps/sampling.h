@@ -29,7 +29,8 @@ struct SampleSet {
 struct SamplingOptions {
   /// Disk radius, absolute units. Exactly one of `radius` and `target_count` is set (> 0).
   double radius = 0;
-  /// Wanted number of samples; the radius follows from n·r²/area ≈ 0.70 and is corrected until the count is within 2 %.
+  /// Wanted number of samples; the radius follows from n·r²/area ≈ 0.70 and is corrected, by further runs with other seeds, until
+  /// the count is within 2 %. The closest run wins if that never happens (counts below 50 have no choice but to hit exactly).
   Index target_count = 0;
   /// Same seed, mesh and options: the same bits, on any platform and any number of threads.
   std::uint64_t seed = 1;
@@ -42,6 +43,7 @@ struct SamplingOptions {
 
 struct SamplingReport {
   double radius = 0;              ///< the one used (differs from the option with target_count)
+  std::uint64_t seed = 0;         ///< the one used: radius and seed together reproduce the set (differs with target_count)
   std::uint64_t darts = 0;        ///< thrown in the first stage
   Index dart_samples = 0;         ///< samples after dart throwing
   Index gap_samples = 0;          ///< samples added by gap filling
@@ -73,7 +75,7 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
 /// samples stay first, unchanged and in order; those that are closer than they should be stay so. The radius of new samples is the
 /// option's (0: the smallest in `existing`) and must not exceed the smallest in `existing`, so that no new disk covers an old
 /// sample. Samples of `existing` without facet and barycentrics get facet kNone and zeros in the result.
-/// Errors as sample(), and kInvalidArgument if `existing` is empty or a radius is not positive.
+/// Errors as sample() and verify_maximal().
 SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options);
 
 /// Certificate of a sample set, computed from a fresh restricted power diagram.
@@ -85,7 +87,8 @@ struct MaximalityReport {
   bool maximal(double tolerance = 1e-9) const { return worst_coverage <= 1 + tolerance; }
   bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
 };
-/// Throws Error(kInvalidArgument) if there is no sample, one is not finite or a radius is not positive; kInvalidMesh.
+/// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and barycentrics are
+/// given but not one a sample; kInvalidMesh.
 MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
 std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
 

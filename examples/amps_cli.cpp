@@ -534,6 +534,11 @@ void add_seconds(Json& json, const Seconds& seconds) {
   json.close();
 }
 
+void print_unfilled(const Table& table, const amps::SamplingReport& report) {
+  if (report.unfilled_gaps > 0)
+    table.row("unfilled gaps", number(report.unfilled_gaps) + ", move the mesh nearer to the origin");
+}
+
 void add_sampling(Json& json, const amps::SamplingOptions& options, const amps::SamplingReport& report) {
   json.add("radius", report.radius)
       .add("seed", options.seed)
@@ -541,6 +546,7 @@ void add_sampling(Json& json, const amps::SamplingOptions& options, const amps::
       .add("darts", report.darts)
       .add("dart_samples", report.dart_samples)
       .add("gap_samples", report.gap_samples)
+      .add("unfilled_gaps", report.unfilled_gaps)
       .add("attempts", report.attempts)
       .close();
 }
@@ -619,6 +625,7 @@ int run_sample(const Arguments& arguments) {
   table.row("of darts and of gaps", number(result.report.dart_samples) + " and " + number(result.report.gap_samples));
   table.row("radius r", number(result.report.radius));
   print_maximality(table, certificate);
+  print_unfilled(table, result.report);
   print_seconds(table, seconds);
   return kExitDone;
 }
@@ -681,6 +688,7 @@ int run_remesh(const Arguments& arguments) {
   table.row("radius r", number(radius));
   print_quality(table, report.quality, radius);
   print_maximality(table, report.maximality);
+  print_unfilled(table, report.sampling);
   print_seconds(table, seconds);
   return kExitDone;
 }

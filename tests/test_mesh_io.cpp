@@ -278,7 +278,8 @@ TEST_CASE("mesh_io: an STL keeps the mesh up to single precision, its vertices m
   for (Eigen::Index f = 0; f < mesh.triangles.rows(); ++f) {
     for (int k = 0; k < 3; ++k) {
       const Eigen::RowVector3d expected = mesh.vertices.row(mesh.triangles(f, k)).cast<float>().cast<double>();
-      REQUIRE(back.vertices.row(back.triangles(f, k)) == expected);
+      const Eigen::RowVector3d found = back.vertices.row(back.triangles(f, k));
+      REQUIRE((found.array() == expected.array()).all());
     }
   }
 }

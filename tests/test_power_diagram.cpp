@@ -433,8 +433,9 @@ ErrorCode error_of(const std::function<void()>& call) {
 }  // namespace
 
 TEST_CASE("power_diagram: fragments tile every facet, labels are mutual, corners at a vertex have the same bits") {
-  for (const auto& [name, mesh] : small_meshes()) {
-    CAPTURE(name);
+  for (const auto& model : small_meshes()) {
+    CAPTURE(model.name);
+    const auto& [name, mesh] = model;
     const double size = amps::bounding_box(mesh).diagonal();
     for (const Index n : {1, 2, 5, 40, 400}) {
       for (const double weight : {0.0, 0.02, 0.3}) {
@@ -452,8 +453,9 @@ TEST_CASE("power_diagram: fragments tile every facet, labels are mutual, corners
 }
 
 TEST_CASE("power_diagram: areas per site agree with a clip by all bisectors") {
-  for (const auto& [name, mesh] : small_meshes()) {
-    CAPTURE(name);
+  for (const auto& model : small_meshes()) {
+    CAPTURE(model.name);
+    const auto& [name, mesh] = model;
     const double size = amps::bounding_box(mesh).diagonal();
     for (const Index n : {2, 12, 50}) {
       CAPTURE(n);
@@ -472,8 +474,9 @@ TEST_CASE("power_diagram: areas per site agree with a clip by all bisectors") {
 }
 
 TEST_CASE("power_diagram: hidden and duplicate sites own nothing, the others what is theirs") {
-  for (const auto& [name, mesh] : small_meshes()) {
-    CAPTURE(name);
+  for (const auto& model : small_meshes()) {
+    CAPTURE(model.name);
+    const auto& [name, mesh] = model;
     const double size = amps::bounding_box(mesh).diagonal();
     Sites sites = random_sites(mesh, 60, 0.5 * size * size, 21);
     // Copies: of equal weight, lighter, heavier.
@@ -502,8 +505,9 @@ TEST_CASE("power_diagram: hidden and duplicate sites own nothing, the others wha
 
 TEST_CASE("power_diagram: a random point lies in the fragment of its power-nearest site") {
   Rng rng(31);
-  for (const auto& [name, mesh] : small_meshes()) {
-    CAPTURE(name);
+  for (const auto& model : small_meshes()) {
+    CAPTURE(model.name);
+    const auto& [name, mesh] = model;
     const double size = amps::bounding_box(mesh).diagonal();
     const Sites sites = random_sites(mesh, 120, 0.1 * size * size / 120, 32);
     const Diagram diagram(mesh, sites.positions, sites.weights);
@@ -664,8 +668,9 @@ TEST_CASE("power_diagram: thousands of insertions give the diagram of constructi
                                          {"knot", small_knot()},
                                          {"soup", random_soup(60, 51)},
                                          {"book of 5 pages", open_book(5)}};
-  for (const auto& [name, mesh] : meshes) {
-    CAPTURE(name);
+  for (const auto& model : meshes) {
+    CAPTURE(model.name);
+    const auto& [name, mesh] = model;
     const Index n = 2500;
     const double spacing2 = amps::total_area(mesh) / n;
     for (const double weight : {0.0, 0.3, 6.0}) {
@@ -865,6 +870,7 @@ TEST_CASE("power_diagram: scaling by a power of two changes no label") {
     CHECK(same_labels);
     CHECK(worst <= 1e-14);
     CHECK(diagram.check() == "");
+    CHECK(same_diagram(diagram, inserted_one_by_one(big, {positions, weights})));
     const std::vector<double> scaled_areas = diagram.cell_areas();
     for (std::size_t s = 0; s < areas.size(); ++s) {
       CHECK(scaled_areas[s] / factor / factor == doctest::Approx(areas[s]).epsilon(1e-12));
@@ -949,8 +955,9 @@ TEST_SUITE("slow") {
                                            {"knot", amps::make_knot()},
                                            {"square", amps::make_square(1)},
                                            {"torus with flipped facets", with_random_flips(amps::make_torus(), 171)}};
-    for (const auto& [name, mesh] : meshes) {
-      CAPTURE(name);
+    for (const auto& model : meshes) {
+      CAPTURE(model.name);
+      const auto& [name, mesh] = model;
       const Index n = 20000;
       for (const double weight : {0.0, 0.5, 4.0}) {
         CAPTURE(weight);

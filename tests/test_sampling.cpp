@@ -233,7 +233,6 @@ void check_placement(const Mesh& mesh, const SampleSet& set) {
 void check_maximal(const Mesh& mesh, const SamplingResult& result) {
   const SampleSet& set = result.samples;
   CHECK(result.status == Status::kDone);
-  CHECK(result.report.dart_samples + result.report.gap_samples == set.size());
   CHECK(result.report.unfilled_gaps == 0);
   CHECK(set.radii == Eigen::VectorXd::Constant(set.size(), result.report.radius));
   check_placement(mesh, set);
@@ -358,8 +357,9 @@ Mesh non_manifold_book() {
 }  // namespace
 
 TEST_CASE("sampling: sets are maximal Poisson-disk sets, by certificate and by oracle") {
-  for (const auto& [name, mesh, radius] : amps_test::procedural_models()) {
-    CAPTURE(name);
+  for (const auto& model : amps_test::procedural_models()) {
+    CAPTURE(model.name);
+    const auto& [name, mesh, radius] = model;
     const SamplingResult result = amps::sample(mesh, with_radius(radius));
     CHECK(result.report.radius == radius);
     CHECK(result.samples.size() > 2500);
@@ -367,6 +367,7 @@ TEST_CASE("sampling: sets are maximal Poisson-disk sets, by certificate and by o
     CHECK(result.report.gap_samples > result.samples.size() / 20);
     CHECK(result.report.darts > static_cast<std::uint64_t>(result.report.dart_samples));
     CHECK(result.report.attempts == 1);
+    CHECK(result.report.dart_samples + result.report.gap_samples == result.samples.size());
     check_maximal(mesh, result);
   }
 }
@@ -503,7 +504,7 @@ TEST_CASE("sampling: the first point in a gap is uniform in it") {
     const Mesh mesh = amps::make_square(cells);
     const SampleSet middle = one_sample({0.5, 0.5, 0}, r);
     std::vector<double> observed(16, 0), expected(16);
-    const int n = 8000;
+    const int n = 4000;
     for (std::size_t k = 0; k < 16; ++k)
       expected[k] = n * (k < 8 ? pi * (cut * cut - r * r) : 1 - pi * cut * cut) / 8 / (1 - pi * r * r);
     for (int seed = 0; seed < n; ++seed) {
@@ -536,8 +537,9 @@ TEST_CASE("sampling: maximal sets are as dense everywhere") {
 }
 
 TEST_CASE("sampling: filling a set with holes keeps what is there and ends maximal") {
-  for (const auto& [name, mesh, radius] : amps_test::procedural_models()) {
-    CAPTURE(name);
+  for (const auto& model : amps_test::procedural_models()) {
+    CAPTURE(model.name);
+    const auto& [name, mesh, radius] = model;
     const double r = 2 * radius;
     const SampleSet full = amps::sample(mesh, with_radius(r, 3)).samples;
     const Vec3 hole = sample_at(full, full.size() / 2);
@@ -593,8 +595,9 @@ TEST_CASE("sampling: filling a set from elsewhere: no facets, many radii, points
 
 TEST_CASE("sampling: find_gaps finds every uncovered point, and no more than there is") {
   Rng rng(11);
-  for (const auto& [name, mesh, radius] : amps_test::procedural_models()) {
-    CAPTURE(name);
+  for (const auto& model : amps_test::procedural_models()) {
+    CAPTURE(model.name);
+    const auto& [name, mesh, radius] = model;
     const double r = 2 * radius;
     const SampleSet full = amps::sample(mesh, with_radius(r, 7)).samples;
     CHECK(amps::find_gaps(mesh, full).gaps == 0);
@@ -696,8 +699,9 @@ TEST_CASE("sampling: thin sheets, non-manifold edges, soups and one-sided surfac
   const std::vector<std::pair<std::string, Mesh>> meshes = {
       {"sheets at 0.01 r", two_sheets(1e-3)}, {"sheets at 0.9 r", two_sheets(0.09)}, {"sheets that coincide", two_sheets(0)},
       {"book", non_manifold_book()},          {"soup", random_soup(50, 21)},         {"moebius", moebius_band(40)}};
-  for (const auto& [name, mesh] : meshes) {
-    CAPTURE(name);
+  for (const auto& model : meshes) {
+    CAPTURE(model.first);
+    const auto& [name, mesh] = model;
     const SamplingResult coarse = amps::sample(mesh, with_radius(0.1));
     check_maximal(mesh, coarse);
     check_maximal(mesh, amps::sample(mesh, with_radius(0.03)));
@@ -709,7 +713,7 @@ TEST_CASE("sampling: facets without area and isolated vertices change nothing") 
   Mesh spoilt = mesh;
   const Index n = static_cast<Index>(mesh.triangles.rows());
   spoilt.triangles.conservativeResize(n + 2, 3);
-  spoilt.triangles.row(n) << 0, 0, 1;
+  spoilt.triangles.row(n) << mesh.triangles(0, 0), mesh.triangles(0, 0), mesh.triangles(0, 1);
   spoilt.triangles.row(n + 1) << 5, 5, 5;
   spoilt.vertices.conservativeResize(mesh.vertices.rows() + 1, 3);
   spoilt.vertices.row(mesh.vertices.rows()) << 50, 50, 50;
@@ -748,20 +752,21 @@ TEST_CASE("sampling: any scale and place") {
 
 TEST_CASE("sampling: cancelled at any stage, what is there is a Poisson-disk set and says so") {
   const Mesh mesh = amps::make_torus();
-  const SampleSet done = amps::sample(mesh, with_radius(0.04)).samples;
+  const double radius = 0.06;
+  const SampleSet done = amps::sample(mesh, with_radius(radius)).samples;
   std::map<std::string, int> reports;
-  SamplingOptions count = with_radius(0.04);
+  SamplingOptions count = with_radius(radius);
   count.progress = Progress([&](const char* stage, double) { return ++reports[stage] > 0; });
   amps::sample(mesh, count);
   REQUIRE(reports.size() == 3);
-  for (const auto& [stage, times] : reports) {
-    for (const int at : {1, (times + 1) / 2, times}) {
-      CAPTURE(stage);
+  for (const auto& entry : reports) {
+    const std::string wanted = entry.first;
+    CAPTURE(wanted);
+    for (const int at : {1, (entry.second + 1) / 2, entry.second}) {
       CAPTURE(at);
       int seen = 0;
-      SamplingOptions options = with_radius(0.04);
-      const std::string wanted = stage;
-      options.progress = Progress([&](const char* now, double) { return now != wanted || ++seen < at; });
+      SamplingOptions options = with_radius(radius);
+      options.progress = Progress([&](const char* stage, double) { return stage != wanted || ++seen < at; });
       const SamplingResult result = amps::sample(mesh, options);
       CHECK(result.status == Status::kCancelled);
       CHECK(options.progress.cancelled());
@@ -769,16 +774,13 @@ TEST_CASE("sampling: cancelled at any stage, what is there is a Poisson-disk set
       CHECK(result.samples.size() < done.size());
       CHECK(brute_separation(result.samples) >= 1 - 1e-9);
       check_placement(mesh, result.samples);
-      // It got as far as the whole run had, and can be finished.
+      // As far as it came it is the whole run, and it can be finished.
       CHECK(same_set(result.samples, selected(done, [&](Index s) { return s < result.samples.size(); })));
-      check_maximal(mesh, {amps::fill_gaps(mesh, result.samples, with_radius(0.04)).samples,
-                           amps::SamplingReport{0.04, 0, result.samples.size(),
-                                                amps::fill_gaps(mesh, result.samples, with_radius(0.04)).report.gap_samples},
-                           Status::kDone});
+      check_maximal(mesh, amps::fill_gaps(mesh, result.samples, with_radius(radius)));
     }
   }
   // Before it began.
-  SamplingOptions options = with_radius(0.04);
+  SamplingOptions options = with_radius(radius);
   options.progress.cancel();
   CHECK(amps::sample(mesh, options).status == Status::kCancelled);
   CHECK(amps::throw_darts(mesh, options).status == Status::kCancelled);
@@ -942,8 +944,9 @@ TEST_CASE("sampling: a certificate prints itself") {
 
 TEST_SUITE("slow") {
   TEST_CASE("sampling: sets on real models are maximal, by certificate and by oracle") {
-    for (const auto& [name, mesh, radius] : amps_test::real_models()) {
-      CAPTURE(name);
+    for (const auto& model : amps_test::real_models()) {
+      CAPTURE(model.name);
+      const auto& [name, mesh, radius] = model;
       const SamplingResult result = amps::sample(mesh, with_radius(radius));
       check_maximal(mesh, result);
       MESSAGE(name << ": " << result.samples.size() << " samples");
@@ -951,19 +954,21 @@ TEST_SUITE("slow") {
   }
 
   TEST_CASE("sampling: large sets on procedural models are maximal, by certificate and by oracle") {
-    for (const auto& [name, mesh, radius] : amps_test::procedural_models()) {
-      CAPTURE(name);
+    for (const auto& model : amps_test::procedural_models()) {
+      CAPTURE(model.name);
+      const auto& [name, mesh, radius] = model;
       check_maximal(mesh, amps::sample(mesh, with_radius(radius / 3)));
     }
   }
 
   TEST_CASE("sampling: Table 1 of the paper, counts and valences") {
     struct Row {
-      const char* name;
+      std::string name;
       Mesh mesh;
       double maximal, darts, maximal_valence, darts_valence;
     };
-    // Yan & Wonka 2012, Table 1, r = 4.5e-3.
+    // Yan & Wonka 2012, Table 1, r = 4.5e-3. Dart throwing stops at random: single counts spread by ±5 %, medians of five by ±3
+    // %, so the counts of darts are medians of 51.
     const std::vector<Row> rows = {{"square", amps::make_square(), 34500, 26800, 96.4, 94.2},
                                    {"sphere", amps_test::sphere_of_area(0.863, 81920), 29700, 23500, 96.6, 94.5}};
     const double radius = 4.5e-3;
@@ -974,12 +979,16 @@ TEST_SUITE("slow") {
         const SamplingResult result = amps::sample(row.mesh, with_radius(radius, seed));
         const SampleSet dart_set = selected(result.samples, [&](Index s) { return s < result.report.dart_samples; });
         maximal.push_back(result.samples.size());
-        darts.push_back(dart_set.size());
         maximal_valence.push_back(amps::quality(amps::restricted_triangulation(row.mesh, result.samples)).valence_5_6_7);
         darts_valence.push_back(amps::quality(amps::restricted_triangulation(row.mesh, dart_set)).valence_5_6_7);
         MESSAGE(row.name << " seed " << seed << ": maximal " << maximal.back() << " valence 5-7 " << maximal_valence.back()
-                         << " %, darts " << darts.back() << " valence 5-7 " << darts_valence.back() << " %");
+                         << " %, darts " << dart_set.size() << " valence 5-7 " << darts_valence.back() << " %");
       }
+      for (std::uint64_t seed = 1; seed <= 51; ++seed) {
+        darts.push_back(amps::throw_darts(row.mesh, with_radius(radius, seed)).samples.size());
+      }
+      MESSAGE(row.name << " medians: maximal " << median(maximal) << " valence 5-7 " << median(maximal_valence) << " %, darts "
+                       << median(darts) << " valence 5-7 " << median(darts_valence) << " %");
       CHECK(std::fabs(median(maximal) / row.maximal - 1) <= 0.02);
       CHECK(std::fabs(median(darts) / row.darts - 1) <= 0.05);
       CHECK(std::fabs(median(maximal_valence) - row.maximal_valence) <= 1);
@@ -988,8 +997,9 @@ TEST_SUITE("slow") {
   }
 
   TEST_CASE("sampling: target_count is met within 2 % on real models and for large sets") {
-    for (const auto& [name, mesh, radius] : amps_test::real_models()) {
-      CAPTURE(name);
+    for (const auto& model : amps_test::real_models()) {
+      CAPTURE(model.name);
+      const auto& [name, mesh, radius] = model;
       for (const Index count : {50, 500, 20000}) {
         CAPTURE(count);
         const SamplingResult result = amps::sample(mesh, with_count(count));
