@@ -1,5 +1,6 @@
 # Checks that the files of FOLDER can be read in the order amps.h gives: a file includes only files above it (a .cpp also its own
 # header), and every file is in the list. Run with: cmake -D FOLDER=amps -P tests/check_reading_order.cmake
+get_filename_component(FOLDER "${FOLDER}" ABSOLUTE)
 file(STRINGS "${FOLDER}/amps.h" lines)
 set(order)
 foreach(line IN LISTS lines)
@@ -14,6 +15,9 @@ endif()
 set(trouble)
 file(GLOB files RELATIVE "${FOLDER}" "${FOLDER}/*.h" "${FOLDER}/*.cpp")
 list(REMOVE_ITEM files amps.h)
+if(NOT files)
+  message(FATAL_ERROR "no file to check in ${FOLDER}")
+endif()
 foreach(file IN LISTS files)
   get_filename_component(stem ${file} NAME_WE)
   list(FIND order ${stem} place)

@@ -628,9 +628,10 @@ TEST_CASE("power_diagram: cospherical sites, all at one distance from a mesh ver
 }
 
 TEST_CASE("power_diagram: sites at the vertices of the mesh") {
-  for (const auto& [name, mesh] : small_meshes()) {
+  for (const auto& model : small_meshes()) {
+    const auto& [name, mesh] = model;
     if (mesh.vertices.rows() > 120) continue;
-    CAPTURE(name);
+    CAPTURE(model.name);
     Sites sites{mesh.vertices, Eigen::VectorXd::Zero(mesh.vertices.rows())};
     check_everything(mesh, sites);
     sites.weights.setConstant(0.25);

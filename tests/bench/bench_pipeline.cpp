@@ -61,8 +61,8 @@ void run(benchmark::State& state, const Stage& stage) {
   }
   state.SetLabel(input.name);
   state.counters["samples"] = samples;
-  state.counters["us/sample"] =
-      benchmark::Counter(samples * 1e-6, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["time/sample"] =
+      benchmark::Counter(samples, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
 void pipeline_darts(benchmark::State& state) {
