@@ -17,6 +17,8 @@ constexpr double kPositionError = 0x1p-42;
 constexpr double kPositionRounding = 0x1p-49;
 /// Relative rounding of D_k(x) evaluated in doubles: 8 operations, slack 4.
 constexpr double kSideRounding = 0x1p-48;
+/// Records of a site's fragments lie side by side when they have come from bulk construction.
+constexpr Index kFragmentsPrefetched = 8;
 /// Relative slack of plane offsets and of the security radius they are compared with.
 constexpr double kOffsetSlack = 1e-9;
 
@@ -28,7 +30,6 @@ class SideFilter {
         sum_(other.position() + owner.position()),
         weights_(owner.w - other.w),
         gradient_(difference_.cwiseAbs().sum()),
-        slope_(2 * (1 + kOffsetSlack) * difference_.norm()),
         weight_error_(kSideRounding * std::fabs(weights_)) {}
 
   /// The side of x, known to `error` (which must include kPositionRounding of the coordinates: the sum above has that rounding
@@ -42,18 +43,30 @@ class SideFilter {
     return value > margin ? 1 : (-value > margin ? -1 : 0);
   }
 
+  /// |∇D|, for surely_inside.
+  double slope() const noexcept { return 2 * (1 + kOffsetSlack) * difference_.norm(); }
+
   /// True only if all points within `radius` of x are on the owner's side. NaN and infinity give false.
-  bool surely_inside(const Vec3& x, double radius, double error) const noexcept {
+  bool surely_inside(const Vec3& x, double radius, double error, double slope) const noexcept {
     const double tx = sum_.x() - 2 * x.x(), ty = sum_.y() - 2 * x.y(), tz = sum_.z() - 2 * x.z();
     const double value = (difference_.x() * tx + difference_.y() * ty + difference_.z() * tz) + weights_;
     const double span = std::fabs(tx) + std::fabs(ty) + std::fabs(tz);
-    return value > slope_ * radius + (gradient_ * (2 * error + kSideRounding * span) + weight_error_);
+    return value > slope * radius + (gradient_ * (2 * error + kSideRounding * span) + weight_error_);
   }
 
  private:
   Vec3 difference_, sum_;
-  double weights_, gradient_, slope_, weight_error_;
+  double weights_, gradient_, weight_error_;
 };
+
+/// Asks for a cache line that will be read soon; nothing where the compiler has no word for it.
+inline void prefetch(const void* p) noexcept {
+#if defined(__GNUC__) || defined(__clang__)
+  __builtin_prefetch(p);
+#else
+  static_cast<void>(p);
+#endif
+}
 
 /// Order of a site's planes; ties by site, so that nothing depends on the sort.
 template <class Plane>
@@ -412,15 +425,19 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
 }
 
 void RestrictedPowerDiagram::update_reach(Index s) {
-  const Vec3 position = site(s).position();
   double reach = 0;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
-    const Fragment& fragment = fragments_[slot(f)];
-    const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
-    const double farthest = (centre - position).norm() + fragment.radius;
+    const double farthest = this->reach(f);
     if (!(farthest <= reach)) reach = farthest;  // NaN from overflow stays, and prunes nothing
   }
-  reach_[slot(s)] = reach * (1 + detail::kOffsetSlack) + largest_facet_error_;
+  reach_[slot(s)] = reach;
+}
+
+double RestrictedPowerDiagram::reach(Index f) const {
+  const Fragment& fragment = fragments_[slot(f)];
+  const WeightedPoint& owner = site(fragment.site);
+  const Vec3 offset(fragment.centre[0] - owner.x, fragment.centre[1] - owner.y, fragment.centre[2] - owner.z);
+  return (offset.norm() + fragment.radius) * (1 + detail::kOffsetSlack) + largest_facet_error_;
 }
 
 /// Sets the ball around the corners. Floats carry 2^-24 of the coordinates; twice that and more is added to the radius.
@@ -598,6 +615,12 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
   std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
   Clipper clipper(*this);
   std::vector<Index> facets;
+  for (const Plane& plane : planes) {  // worth a tenth of the time of an insertion, where the fragments exceed the cache
+    const Index first = first_of_site(plane.site);
+    if (first == kNone || plane.offset > reach_[slot(plane.site)]) continue;
+    const Index last = std::min(first + detail::kFragmentsPrefetched, fragment_capacity());
+    for (Index f = first; f < last; ++f) detail::prefetch(&fragments_[slot(f)]);
+  }
   for (const Plane& plane : planes) clip_fragments_of(plane.site, s, clipper, facets);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     if (v >= kSentinels && v != s + kSentinels) clip_fragments_of(v - kSentinels, s, clipper, facets);
@@ -623,13 +646,13 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
 void RestrictedPowerDiagram::clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets) {
   if (plane(site, by).offset > reach_[slot(site)]) return;
   const detail::SideFilter filter(this->site(site), this->site(by));
-  const double error = largest_facet_error_;
+  const double error = largest_facet_error_, slope = filter.slope();
   bool any_clipped = false;
   for (Index f = first_of_site(site); f != kNone;) {
     const Index next = next_of_site(f);
     const Polygon polygon = this->polygon(f);
     const Fragment& fragment = fragments_[slot(f)];
-    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error)) {
+    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error, slope)) {
       f = next;
       continue;
     }

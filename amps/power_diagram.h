@@ -67,6 +67,9 @@ class RestrictedPowerDiagram {
   Index first_of_facet(Index facet) const { return first_of_facet_[static_cast<std::size_t>(facet)]; }
   Index next_of_facet(Index f) const { return fragments_[static_cast<std::size_t>(f)].next_of_facet; }
 
+  /// An upper bound of the distance from a fragment's site to the fragment's corners, without a look at the corners. O(1).
+  double reach(Index f) const;
+
   /// Inserts a site and updates the fragments of its neighbours; returns its id, num_sites() before. `near`: a site close to it
   /// (kNone: anywhere). Expected O(1) with a good hint on Poisson-disk-like sets. Throws Error(kInvalidArgument) if not finite.
   Index insert(const Vec3& position, double weight, Index near = kNone);

@@ -266,7 +266,7 @@ class GapFiller {
  private:
   void refresh(Index f) {
     double area = 0;
-    if (diagram_.alive(f)) {
+    if (diagram_.alive(f) && !(diagram_.reach(f) <= task_.radius)) {
       const auto polygon = diagram_.polygon(f);
       if (fragment_has_gap(diagram_, polygon)) {
         area = gap_.assign(fragment_view(task_.mesh, polygon), ball_of(diagram_.site(polygon.site)));

@@ -593,6 +593,24 @@ TEST_CASE("sampling: filling a set from elsewhere: no facets, many radii, points
   }
 }
 
+TEST_CASE("sampling: gaps of a few parts in a billion are filled") {
+  // One disk that all but reaches the corners of the square.
+  const double half_diagonal = std::sqrt(0.5);
+  for (const double missing : {1e-2, 1e-5, 1e-7, 1e-8, 2e-9}) {
+    CAPTURE(missing);
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+      const Mesh mesh = amps::make_square(seed % 2 == 0 ? 1 : 3);
+      const SampleSet middle = one_sample({0.5, 0.5, 0}, half_diagonal * (1 - missing));
+      const SamplingResult filled = amps::fill_gaps(mesh, middle, with_radius(0, seed));
+      CHECK(filled.samples.size() == 5);
+      CHECK(filled.report.unfilled_gaps == 0);
+      CHECK(amps::verify_maximal(mesh, filled.samples).maximal());
+      CHECK(brute_separation(filled.samples) >= 1 - 1e-9);
+      check_placement(mesh, selected(filled.samples, [](Index s) { return s > 0; }));
+    }
+  }
+}
+
 TEST_CASE("sampling: find_gaps finds every uncovered point, and no more than there is") {
   Rng rng(11);
   for (const auto& model : amps_test::procedural_models()) {
