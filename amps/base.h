@@ -26,6 +26,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 
@@ -114,8 +115,8 @@ Vec3 uniform_barycentric(Rng& rng) noexcept;
 /// insertions, facets) and return the best valid state they have when it is cancelled.
 class Progress {
  public:
-  /// Called from the working thread whenever progress is reported; return false to cancel. `stage` is a static string,
-  /// `fraction` lies in [0, 1] and grows within a stage.
+  /// Called by the thread that reports progress, one call at a time; return false to cancel. `stage` is a static string,
+  /// `fraction` lies in [0, 1] and does not fall within a stage. Must not report progress itself.
   using Callback = std::function<bool(const char* stage, double fraction)>;
 
   Progress();
@@ -135,6 +136,7 @@ class Progress {
     std::atomic<double> fraction{0.0};
     std::atomic<const char*> stage{""};
     Callback callback;
+    std::mutex report_mutex;
   };
   std::shared_ptr<State> state_;
 };

@@ -428,7 +428,7 @@ void RestrictedPowerDiagram::update_reach(Index s) {
   double reach = 0;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
     const double farthest = this->reach(f);
-    if (!(farthest <= reach)) reach = farthest;  // NaN from overflow stays, and prunes nothing
+    if (farthest > reach || std::isnan(farthest)) reach = farthest;  // NaN from overflow stays, and prunes nothing
   }
   reach_[slot(s)] = reach;
 }
@@ -440,9 +440,10 @@ double RestrictedPowerDiagram::reach(Index f) const {
   return (offset.norm() + fragment.radius) * (1 + detail::kOffsetSlack) + largest_facet_error_;
 }
 
-/// Sets the ball around the corners. Floats carry 2^-24 of the coordinates; twice that and more is added to the radius.
+/// Sets the ball around the corners. Floats carry 2^-24 of the coordinates, or lose up to 2^-127 to underflow; more than that is
+/// added to the radius.
 void RestrictedPowerDiagram::bound(Fragment& fragment) {
-  constexpr double kFloatSlack = 0x1p-21;
+  constexpr double kFloatSlack = 0x1p-21, kFloatUnderflow = 0x1p-124;
   const Vec3* const corner = corners_.data() + fragment.first;
   Vec3 low = corner[0], high = corner[0];
   for (Index k = 1; k < fragment.size; ++k) {
@@ -453,7 +454,8 @@ void RestrictedPowerDiagram::bound(Fragment& fragment) {
   double farthest = 0;
   for (Index k = 0; k < fragment.size; ++k) farthest = std::max(farthest, (corner[k] - centre).squaredNorm());
   for (int a = 0; a < 3; ++a) fragment.centre[slot(a)] = static_cast<float>(centre[a]);
-  fragment.radius = static_cast<float>(std::sqrt(farthest) * (1 + kFloatSlack) + kFloatSlack * centre.cwiseAbs().sum());
+  fragment.radius =
+      static_cast<float>(std::sqrt(farthest) * (1 + kFloatSlack) + kFloatSlack * centre.cwiseAbs().sum() + kFloatUnderflow);
 }
 
 /// The owner of every mesh vertex that a facet uses, found by walking from the last one over ever nearer neighbours.

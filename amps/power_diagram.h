@@ -77,7 +77,8 @@ class RestrictedPowerDiagram {
   /// Slots of fragments that the last insert() created, changed or freed (then not alive), in a fixed order, each once.
   const std::vector<Index>& changed() const { return changed_; }
 
-  /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending.
+  /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending. Four far sentinel sites take part
+  /// in space, so sites on the outside may lack neighbours across large distances; never ones that share a fragment's edge.
   void neighbors(Index s, std::vector<Index>& out) const;
   /// The same for all sites at once.
   RegularTriangulation::Adjacency adjacency() const;

@@ -229,7 +229,7 @@ void RegularTriangulation::append_points(const PointsView& positions, const doub
     }
   }
   const std::size_t total = points_.size() + static_cast<std::size_t>(n);
-  points_.reserve(total);
+  if (n > 1) points_.reserve(std::max(total, 2 * points_.size()));  // single insertions grow geometrically by themselves
   for (Eigen::Index k = 0; k < n; ++k) {
     points_.push_back({positions(k, 0), positions(k, 1), positions(k, 2), weights != nullptr ? weights[k] : 0.0});
     grow_bounds(points_.back());
