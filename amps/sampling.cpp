@@ -28,7 +28,7 @@ constexpr double kTargetSamples = 1e5;
 constexpr std::uint64_t kSeedStride = 0x9e3779b97f4a7c15u;
 
 /// More samples than this would not leave the triangulation's cells their 32-bit names.
-constexpr double kMaxSamples = 5e7;
+constexpr Index kMostSamples = 50'000'000;
 
 /// A dart in a gap is thrown again when rounding puts it too close to a sample; so often before the tolerance is used.
 constexpr int kGapDarts = 64;
@@ -49,19 +49,23 @@ void require_sampling_options(const SamplingOptions& options) {
     throw Error(ErrorCode::kInvalidArgument, "sampling: max_rejections is " + std::to_string(options.max_rejections) +
                                                  "; it must be at least 1 (the paper uses 300)");
   }
+  if (options.max_samples < 1 || options.max_samples > kMostSamples) {
+    throw Error(ErrorCode::kInvalidArgument, "sampling: max_samples is " + std::to_string(options.max_samples) +
+                                                 "; it must be between 1 and " + std::to_string(kMostSamples));
+  }
 }
 
 /// Refuses radii before any work that would end in memory exhaustion.
-void require_feasible_radius(double radius, double area, const Box& box) {
+void require_feasible_radius(double radius, double area, const Box& box, const SamplingOptions& options) {
   if (!(radius > 0) || !std::isfinite(radius)) {
     throw Error(ErrorCode::kInvalidArgument, "sampling: the radius is " + number_text(radius) + "; it must be positive and finite");
   }
   const double expected = kMaximalDensity * area / radius / radius;
-  if (!(expected < kMaxSamples)) {
+  if (!(expected < options.max_samples)) {
     throw Error(ErrorCode::kTooLarge, "sampling: radius " + number_text(radius) + " on an area of " + number_text(area) +
-                                          " needs about " + number_text(expected) + " samples, more than " +
-                                          number_text(kMaxSamples) + "; use a radius of at least " +
-                                          number_text(std::sqrt(kMaximalDensity * area / kMaxSamples) * 1.01));
+                                          " needs about " + number_text(expected) + " samples, more than max_samples, " +
+                                          std::to_string(options.max_samples) + "; use a radius of at least " +
+                                          number_text(std::sqrt(kMaximalDensity * area / options.max_samples) * 1.01));
   }
   if (!VoxelGrid::fits(box, radius)) {
     throw Error(ErrorCode::kTooLarge, "sampling: radius " + number_text(radius) + " is out of proportion to the mesh's diagonal " +
@@ -362,7 +366,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   const double area = total_area(mesh);
   const Box box = bounding_box(mesh);
   const auto run_once = [&](double radius, std::uint64_t seed) {
-    require_feasible_radius(radius, area, box);
+    require_feasible_radius(radius, area, box, options);
     SamplingTask task(mesh, options, radius, seed);
     run_darts(task, areas, area);
     std::unique_ptr<RestrictedPowerDiagram> diagram;
@@ -483,7 +487,7 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
     throw Error(ErrorCode::kInvalidArgument, "sampling: dart throwing alone needs a radius; target_count counts maximal sets");
   }
   const double area = total_area(mesh);
-  detail::require_feasible_radius(options.radius, area, bounding_box(mesh));
+  detail::require_feasible_radius(options.radius, area, bounding_box(mesh), options);
   detail::SamplingTask task(mesh, options, options.radius, options.seed);
   detail::run_darts(task, facet_areas(mesh), area);
   return std::move(detail::finish_run(task, nullptr).result);
@@ -506,7 +510,7 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
   Box box = bounding_box(mesh);
   box.min = box.min.cwiseMin(existing.positions.colwise().minCoeff().transpose());
   box.max = box.max.cwiseMax(existing.positions.colwise().maxCoeff().transpose());
-  detail::require_feasible_radius(radius, total_area(mesh), box);
+  detail::require_feasible_radius(radius, total_area(mesh), box, options);
   detail::SamplingTask task(mesh, options, radius, options.seed);
   task.grid = detail::VoxelGrid(box, radius);
   task.set.add_all(existing);

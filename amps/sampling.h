@@ -36,6 +36,9 @@ struct SamplingOptions {
   std::uint64_t seed = 1;
   /// Dart throwing ends after this many consecutive rejections (k of the paper); what is left is the gap filler's.
   int max_rejections = 300;
+  /// A radius that would need more samples than this is refused before any work. Sampling takes about 1 KB of memory a sample: the
+  /// default stands for 20 GB. At most 5e7 (32-bit names of cells).
+  Index max_samples = 20'000'000;
   /// Threads used where work splits by facet; 0: one per core. The result does not depend on it.
   unsigned threads = 1;
   Progress progress;
@@ -62,8 +65,8 @@ struct SamplingResult {
 };
 
 /// A maximal Poisson-disk set of uniform radius: dart throwing, then gap filling until no gap is left.
-/// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument, kTooLarge (a radius that would need more samples than
-/// memory holds, estimated before any work). Cancelled: the samples so far (Poisson-disk, not maximal).
+/// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument, kTooLarge (a radius that would need more than
+/// max_samples, estimated before any work). Cancelled: the samples so far (Poisson-disk, not maximal).
 /// Expected O(n log n + #F). Thread-safe.
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
 

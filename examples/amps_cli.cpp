@@ -539,9 +539,10 @@ void print_unfilled(const Table& table, const amps::SamplingReport& report) {
     table.row("unfilled gaps", number(report.unfilled_gaps) + ", move the mesh nearer to the origin");
 }
 
-void add_sampling(Json& json, const amps::SamplingOptions& options, const amps::SamplingReport& report) {
+/// Radius and seed are the ones used: together they make the set again.
+void add_sampling(Json& json, const amps::SamplingReport& report) {
   json.add("radius", report.radius)
-      .add("seed", options.seed)
+      .add("seed", report.seed)
       .open("sampling")
       .add("darts", report.darts)
       .add("dart_samples", report.dart_samples)
@@ -615,7 +616,7 @@ int run_sample(const Arguments& arguments) {
 
   Json json = begin_json("sample");
   json.add("samples", result.samples.size());
-  add_sampling(json, options, result.report);
+  add_sampling(json, result.report);
   add_maximality(json, certificate);
   add_seconds(json, seconds);
   write_json(arguments, json);
@@ -670,7 +671,7 @@ int run_remesh(const Arguments& arguments) {
   Json json = begin_json("remesh");
   json.add("vertices", static_cast<amps::Index>(result.mesh.vertices.rows()));
   json.add("triangles", static_cast<amps::Index>(result.mesh.triangles.rows()));
-  add_sampling(json, options.sampling, report.sampling);
+  add_sampling(json, report.sampling);
   add_quality(json, report.quality, radius);
   add_maximality(json, report.maximality);
   add_topology(json, "input", report.input);
