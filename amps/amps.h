@@ -26,7 +26,10 @@
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
 //   shapes.h         sphere, torus, square, knot, cube
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
+//   spatial_sort.h   (internal) the order of bulk insertion: random rounds along a Hilbert curve
 //   triangulation.h  RegularTriangulation: the 3D regular triangulation of weighted points
+//   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
+//   triangulation_parallel  (its .cpp only) bulk insertion by several threads
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
 //   voxel_grid.h     (internal) which samples are near a dart
 //   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it

@@ -13,10 +13,7 @@ namespace amps {
 Rng::Rng(std::uint64_t seed) noexcept {
   for (std::uint64_t& word : state_) {  // splitmix64
     seed += 0x9e3779b97f4a7c15u;
-    std::uint64_t z = seed;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    word = z ^ (z >> 31);
+    word = detail::scramble(seed);
   }
 }
 

@@ -3,9 +3,9 @@
 // it and itself in the reading order of amps.h.
 #pragma once
 
-// The same bits with every compiler: a multiplication and an addition contracted into one FMA round differently. Vendored users do
-// not get our compiler flags, so amps's own sources switch contraction off here, ahead of Eigen; the user's code that includes
-// amps is left alone. (Decisions are exact either way, see exact.h: coordinates are at stake.)
+// The same bits with every compiler: a multiplication and an addition contracted into one FMA round differently. Vendored users
+// do not get our compiler flags, so amps's own sources switch contraction off here, ahead of Eigen; the user's code that
+// includes amps is left alone. (Decisions are exact either way, see exact.h: coordinates are at stake.)
 #if defined(__FAST_MATH__) && defined(AMPS_OWN_SOURCE)
 #error "amps decides exactly and cannot be compiled with -ffast-math; compile its sources without it"
 #endif
@@ -154,6 +154,16 @@ void parallel_for(std::size_t n, std::size_t grain, unsigned threads,
                   const std::function<void(std::size_t begin, std::size_t end)>& body);
 
 namespace detail {
+
+/// splitmix64's finaliser: a hash of 64 bits.
+inline std::uint64_t scramble(std::uint64_t z) noexcept {
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+  return z ^ (z >> 31);
+}
+
+/// An Index that is known not to be negative, as a position in a std container.
+inline std::size_t slot(Index i) noexcept { return static_cast<std::size_t>(i); }
 
 /// Wall-clock seconds since construction or the last lap().
 class Stopwatch {

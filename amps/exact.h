@@ -8,10 +8,10 @@
 // polynomial keeps its sign when all inputs are scaled by that power. Products widen the type (Int<A>·Int<B> = Int<A+B>), so
 // no intermediate result can overflow.
 //
-// Departure from the usual floating-point expansions (Shewchuk 1997), which the design proposes: integers of fixed width need no
-// memory management, recognise exact zeros at no extra cost (lattices, coplanar and cospherical input), are exact from the
-// smallest denormal to the largest double instead of overflowing near 1e60, and do not depend on rounding modes, FMA contraction
-// or excess precision.
+// Departure from the usual floating-point expansions (Shewchuk 1997), which the design proposes: integers of fixed width need
+// no memory management, recognise exact zeros at no extra cost (lattices, coplanar and cospherical input), are exact from the
+// smallest denormal to the largest double instead of overflowing near 1e60, and do not depend on rounding modes, FMA
+// contraction or excess precision.
 #pragma once
 
 #include "amps/base.h"
@@ -61,8 +61,8 @@ struct Approx {
   }
   friend Approx operator*(const Approx& a, const Approx& b) noexcept {
     const double v = a.value * b.value;
-    return {v, std::fabs(a.value) * b.error + a.error * (std::fabs(b.value) + b.error) +
-                   (kUnitRoundoff * std::fabs(v) + kTiny)};
+    return {v,
+            std::fabs(a.value) * b.error + a.error * (std::fabs(b.value) + b.error) + (kUnitRoundoff * std::fabs(v) + kTiny)};
   }
   Approx operator-() const noexcept { return {-value, error}; }
 };

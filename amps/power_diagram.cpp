@@ -9,8 +9,6 @@ namespace amps {
 namespace detail {
 namespace {
 
-std::size_t slot(Index i) noexcept { return static_cast<std::size_t>(i); }
-
 /// A corner computed from barycentric coordinates good to a few 2^-46 (predicates.h) is off by less than this, relative to the
 /// facet's longest edge, plus kPositionRounding relative to its largest coordinate.
 constexpr double kPositionError = 0x1p-42;
@@ -284,8 +282,8 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const Eigen::R
     low = low.cwiseMin(sites.row(s).transpose());
     high = high.cwiseMax(sites.row(s).transpose());
   }
-  // A regular tetrahedron whose corners are 4 diagonals from the centre. At any point of the box its corners have power at least
-  // 9 diagonals² − w_min, and every site at most 1 diagonal² − w_min.
+  // A regular tetrahedron whose corners are 4 diagonals from the centre. At any point of the box its corners have power at
+  // least 9 diagonals² − w_min, and every site at most 1 diagonal² − w_min.
   const double reach = 4 * (high - low).norm() / std::sqrt(3.0);
   const Vec3 centre = low + (high - low) / 2;
   const double least_weight = weights.minCoeff();
@@ -359,7 +357,9 @@ void RestrictedPowerDiagram::build(unsigned threads, const Progress& progress) {
     for (std::size_t f = begin; f < end; ++f) {
       if (f % kFacetsPerReport == 0) {
         const std::size_t now_done = done += kFacetsPerReport;
-        if (!progress.report("restricted power diagram", std::min(1.0, static_cast<double>(now_done) / static_cast<double>(num_facets)))) return;
+        if (!progress.report("restricted power diagram",
+                             std::min(1.0, static_cast<double>(now_done) / static_cast<double>(num_facets))))
+          return;
       }
       if (facet_error_[f] < 0) continue;
       const Index facet = static_cast<Index>(f);
@@ -377,9 +377,9 @@ void RestrictedPowerDiagram::build(unsigned threads, const Progress& progress) {
   assemble(batches);
 }
 
-/// Puts the fragments of all facets together. Polygons stay in the order of facets, but the records of each site's fragments lie
-/// side by side, sites in the order in which facets meet them: local updates look through all fragments of a few sites, and would
-/// otherwise spend their time on cache misses.
+/// Puts the fragments of all facets together. Polygons stay in the order of facets, but the records of each site's fragments
+/// lie side by side, sites in the order in which facets meet them: local updates look through all fragments of a few sites, and
+/// would otherwise spend their time on cache misses.
 void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
   std::vector<Index> count(slot(num_sites()), 0), site_order;
   for (const Batch& batch : batches) {
@@ -440,8 +440,8 @@ double RestrictedPowerDiagram::reach(Index f) const {
   return (offset.norm() + fragment.radius) * (1 + detail::kOffsetSlack) + largest_facet_error_;
 }
 
-/// Sets the ball around the corners. Floats carry 2^-24 of the coordinates, or lose up to 2^-127 to underflow; more than that is
-/// added to the radius.
+/// Sets the ball around the corners. Floats carry 2^-24 of the coordinates, or lose up to 2^-127 to underflow; more than that
+/// is added to the radius.
 void RestrictedPowerDiagram::bound(Fragment& fragment) {
   constexpr double kFloatSlack = 0x1p-21, kFloatUnderflow = 0x1p-124;
   const Vec3* const corner = corners_.data() + fragment.first;
@@ -708,7 +708,8 @@ Triangles RestrictedPowerDiagram::dual_triangles(std::vector<Index>* facets) con
     for (Index k = 0; k < p.size; ++k) {
       // Walking round the vertex counter-clockwise from the owner, the cell across the incoming edge comes first.
       const Index in = p.labels[k == 0 ? p.size - 1 : k - 1], out = p.labels[k];
-      if (in <= p.site || out <= p.site) continue;  // mesh edges are negative; all three fragments see the vertex, the least lists it
+      if (in <= p.site || out <= p.site)
+        continue;  // mesh edges are negative; all three fragments see the vertex, the least lists it
       corners.insert(corners.end(), {p.site, in, out});
       if (facets != nullptr) facets->push_back(p.facet);
     }

@@ -1,15 +1,16 @@
-// power_diagram.h: the restricted power diagram (RPD) of weighted sites on a triangle mesh — for each facet, which part of it is
-// nearest in power to which site — exact, and updated locally when a site is inserted.
+// power_diagram.h: the restricted power diagram (RPD) of weighted sites on a triangle mesh — for each facet, which part of it
+// is nearest in power to which site — exact, and updated locally when a site is inserted.
 //
-// The intersection of a facet with a site's power cell is a convex polygon, a *fragment*. Fragments are found facet by facet, by
-// clipping the facet with the bisectors of an owner and its neighbours in the regular triangulation and flooding to the owners
-// on the other side (Yan, Lévy, Liu, Sun & Wang, "Isotropic remeshing with fast and exact computation of restricted Voronoi
-// diagram", 2009). Facets need no adjacency: soups, open, non-manifold and inconsistently oriented meshes are fine.
+// The intersection of a facet with a site's power cell is a convex polygon, a *fragment*. Fragments are found facet by facet,
+// by clipping the facet with the bisectors of an owner and its neighbours in the regular triangulation and flooding to the
+// owners on the other side (Yan, Lévy, Liu, Sun & Wang, "Isotropic remeshing with fast and exact computation of restricted
+// Voronoi diagram", 2009). Facets need no adjacency: soups, open, non-manifold and inconsistently oriented meshes are fine.
 //
-// Exactness. A polygon is a cycle of edge labels (a mesh edge or the site beyond a bisector); its vertices are symbolic, and every
-// side they take of a bisector is decided exactly (predicates.h). So the fragments of a facet tile it without crack or overlap, a
-// site j labels an edge of a fragment of i iff i labels the same edge of a fragment of j, and three fragments meet at every
-// vertex inside a facet. Coordinates are derived for output and measures only; all fragments at a vertex have the same bits.
+// Exactness. A polygon is a cycle of edge labels (a mesh edge or the site beyond a bisector); its vertices are symbolic, and
+// every side they take of a bisector is decided exactly (predicates.h). So the fragments of a facet tile it without crack or
+// overlap, a site j labels an edge of a fragment of i iff i labels the same edge of a fragment of j, and three fragments meet
+// at every vertex inside a facet. Coordinates are derived for output and measures only; all fragments at a vertex have the same
+// bits.
 //
 // Thread-safety: const members may be called concurrently.
 #pragma once
@@ -77,14 +78,15 @@ class RestrictedPowerDiagram {
   /// Slots of fragments that the last insert() created, changed or freed (then not alive), in a fixed order, each once.
   const std::vector<Index>& changed() const { return changed_; }
 
-  /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending. Four far sentinel sites take part
-  /// in space, so sites on the outside may lack neighbours across large distances; never ones that share a fragment's edge.
+  /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending. Four far sentinel sites
+  /// take part in space, so sites on the outside may lack neighbours across large distances; never ones that share a fragment's
+  /// edge.
   void neighbors(Index s, std::vector<Index>& out) const;
   /// The same for all sites at once.
   RegularTriangulation::Adjacency adjacency() const;
 
-  /// One dual triangle for each vertex where three cells meet inside a facet: (i, j, k) counter-clockwise in the orientation of that
-  /// facet, i the smallest. `facets` (optional): the facet of each. A triple appears as often as its cells meet.
+  /// One dual triangle for each vertex where three cells meet inside a facet: (i, j, k) counter-clockwise in the orientation of
+  /// that facet, i the smallest. `facets` (optional): the facet of each. A triple appears as often as its cells meet.
   Triangles dual_triangles(std::vector<Index>* facets = nullptr) const;
 
   /// Restricted cell area per site, absolute units; they sum to the mesh's area.
@@ -108,8 +110,8 @@ class RestrictedPowerDiagram {
     Index capacity = 0;
     Index next_of_site = kNone, previous_of_site = kNone;
     Index next_of_facet = kNone, previous_of_facet = kNone;
-    /// A ball around the corners, rounded outwards: tells most fragments of a site from those an insertion touches, without a look
-    /// at the corners. With it a record is 52 bytes, and a site's fragments are read as a stream.
+    /// A ball around the corners, rounded outwards: tells most fragments of a site from those an insertion touches, without a
+    /// look at the corners. With it a record is 52 bytes, and a site's fragments are read as a stream.
     std::array<float, 3> centre{};
     float radius = 0;
   };

@@ -120,8 +120,8 @@ int power_test_exact(const WeightedPoint* const p[4], const WeightedPoint& q, St
 }
 
 int power_test_symbolic(const WeightedPoint* const p[4], const WeightedPoint& q) noexcept {
-  // The determinant gains Σ ε_k·C_k − ε_q·ΣC_k, where C_k is the orientation of the cell with p_k replaced by q, and ΣC_k that of
-  // the cell itself, positive: the first non-zero coefficient in order of dominance decides, at q at the latest.
+  // The determinant gains Σ ε_k·C_k − ε_q·ΣC_k, where C_k is the orientation of the cell with p_k replaced by q, and ΣC_k that
+  // of the cell itself, positive: the first non-zero coefficient in order of dominance decides, at q at the latest.
   const auto order = by_dominance<5>({p[0], p[1], p[2], p[3], &q});
   for (const int k : order) {
     if (k == 4) return -1;
@@ -175,7 +175,9 @@ bool collinear(const double* a, const double* b, const double* c) noexcept {
     constexpr int N = decltype(width)::value;
     const int unit = scale.unit();
     const auto minor_sign = [&](int m, int n) {
-      const auto difference = [&](const double* p, int k) { return detail::to_int<N>(p[k], unit) - detail::to_int<N>(a[k], unit); };
+      const auto difference = [&](const double* p, int k) {
+        return detail::to_int<N>(p[k], unit) - detail::to_int<N>(a[k], unit);
+      };
       return (difference(b, m) * difference(c, n) - difference(b, n) * difference(c, m)).sign();
     };
     return minor_sign(0, 1) == 0 && minor_sign(1, 2) == 0 && minor_sign(2, 0) == 0;
@@ -187,7 +189,8 @@ bool collinear(const double* a, const double* b, const double* c) noexcept {
 Bisector::Bisector(const WeightedPoint& i, const WeightedPoint& j, const double* const corners[3]) noexcept
     : owner(&i), other(&j) {
   // The bound in closed form, for speed (Approx takes twice as long): a monomial d·(a or b) passes through at most 7 roundings
-  // (two differences, a sum, a product, three sums), the difference of weights through 2. The last summand covers underflow of products.
+  // (two differences, a sum, a product, three sums), the difference of weights through 2. The last summand covers underflow of
+  // products.
   constexpr double kTermBound = 8 * detail::kUnitRoundoff, kWeightBound = 3 * detail::kUnitRoundoff;
   const double pi[3] = {i.x, i.y, i.z}, pj[3] = {j.x, j.y, j.z};
   const double weight_error = kWeightBound * std::fabs(i.w - j.w) + 8 * Approx::kTiny;
@@ -341,9 +344,9 @@ int side_of_facet_crossing(const double* const corners[3], const Bisector& j, co
     using Cross = detail::CrossProduct<Int<2 * N>>;
     const Cross lambda(dj.at_corner, dl.at_corner);
     sign = lambda.dot(dk.at_corner).sign();
-    const auto for_k = lambda.sum();                                // det[1; D_j; D_l]
-    const auto for_j = Cross(dl.at_corner, dk.at_corner).sum();     // det[D_k; 1; D_l]
-    const auto for_l = Cross(dk.at_corner, dj.at_corner).sum();     // det[D_k; D_j; 1]
+    const auto for_k = lambda.sum();                             // det[1; D_j; D_l]
+    const auto for_j = Cross(dl.at_corner, dk.at_corner).sum();  // det[D_k; 1; D_l]
+    const auto for_l = Cross(dk.at_corner, dj.at_corner).sum();  // det[D_k; D_j; 1]
     sum_sign = for_k.sign();
     j_sign = for_j.sign();
     l_sign = for_l.sign();

@@ -115,7 +115,8 @@ struct StaticBounds {
 template <class Tally = NoTally>
 int orient3d(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint& c, const WeightedPoint& d,
              double static_bound = INFINITY, Tally&& tally = NoTally{}) noexcept {
-  const double m[3][3] = {{b.x - a.x, b.y - a.y, b.z - a.z}, {c.x - a.x, c.y - a.y, c.z - a.z}, {d.x - a.x, d.y - a.y, d.z - a.z}};
+  const double m[3][3] = {
+      {b.x - a.x, b.y - a.y, b.z - a.z}, {c.x - a.x, c.y - a.y, c.z - a.z}, {d.x - a.x, d.y - a.y, d.z - a.z}};
   const double value = detail::determinant3(m[0], m[1], m[2]);
   if (value > static_bound || -value > static_bound) {
     tally.count(Stage::kStatic);
@@ -189,11 +190,11 @@ bool collinear(const double* a, const double* b, const double* c) noexcept;
 // ---------------------------------------------------------------------------------------------------------------------------
 // Sides of bisectors: restricted clipping
 //
-// For a facet (a, b, c), an owner i and another site j, let D_j(x) = |x − p_j|² − w_j − |x − p_i|² + w_i: affine in x, ≥ 0 where i
-// is at least as close. In barycentric coordinates every vertex of a clipped facet is a small determinant of the values of D
-// at the corners, and so is its side of a further bisector (DESIGN: "restricted clipping in barycentric form").
-// Under the perturbation D_j gains ε_j − ε_i at every corner; by multilinearity only first-order terms survive, and the term of
-// the site just tested never vanishes where a vertex exists, so each test decides.
+// For a facet (a, b, c), an owner i and another site j, let D_j(x) = |x − p_j|² − w_j − |x − p_i|² + w_i: affine in x, ≥ 0
+// where i is at least as close. In barycentric coordinates every vertex of a clipped facet is a small determinant of the values
+// of D at the corners, and so is its side of a further bisector (DESIGN: "restricted clipping in barycentric form"). Under the
+// perturbation D_j gains ε_j − ε_i at every corner; by multilinearity only first-order terms survive, and the term of the site
+// just tested never vanishes where a vertex exists, so each test decides.
 
 namespace detail {
 

@@ -32,9 +32,8 @@ Triangles unique_triples(const Triangles& triangles) {
     k = {{triangles(t, 0), triangles(t, 1), triangles(t, 2)}, t};
     if (k.sorted[1] > k.sorted[2]) std::swap(k.sorted[1], k.sorted[2]);  // the first is the least already
   }
-  std::sort(keyed.begin(), keyed.end(), [](const Keyed& a, const Keyed& b) {
-    return a.sorted != b.sorted ? a.sorted < b.sorted : a.row < b.row;
-  });
+  std::sort(keyed.begin(), keyed.end(),
+            [](const Keyed& a, const Keyed& b) { return a.sorted != b.sorted ? a.sorted < b.sorted : a.row < b.row; });
   // In sorted order, so that the output does not depend on the history of the diagram.
   Triangles result(triangles.rows(), 3);
   Eigen::Index kept = 0;
@@ -54,9 +53,8 @@ std::vector<HalfEdge> sorted_half_edges(const Triangles& triangles) {
       half_edges.push_back({low << 32 | high, t, a < b});
     }
   }
-  std::sort(half_edges.begin(), half_edges.end(), [](const HalfEdge& a, const HalfEdge& b) {
-    return a.edge != b.edge ? a.edge < b.edge : a.triangle < b.triangle;
-  });
+  std::sort(half_edges.begin(), half_edges.end(),
+            [](const HalfEdge& a, const HalfEdge& b) { return a.edge != b.edge ? a.edge < b.edge : a.triangle < b.triangle; });
   return half_edges;
 }
 

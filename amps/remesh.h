@@ -20,12 +20,12 @@ struct RemeshOptions {
 
 struct RemeshReport {
   SamplingReport sampling;
-  TopologyReport input;             ///< topology of the input mesh, vertices of equal position taken as one
-  TopologyReport output;            ///< topology of the result
-  QualityReport quality;            ///< of the result
-  MaximalityReport maximality;      ///< certificate of the samples, from the diagram the triangles are dual to
-  double seconds_remesh = 0;        ///< extraction and orientation of the triangles
-  double seconds_report = 0;        ///< topology, quality and certificate
+  TopologyReport input;         ///< topology of the input mesh, vertices of equal position taken as one
+  TopologyReport output;        ///< topology of the result
+  QualityReport quality;        ///< of the result
+  MaximalityReport maximality;  ///< certificate of the samples, from the diagram the triangles are dual to
+  double seconds_remesh = 0;    ///< extraction and orientation of the triangles
+  double seconds_report = 0;    ///< topology, quality and certificate
 };
 
 struct RemeshResult {

@@ -15,12 +15,12 @@ namespace amps {
 namespace detail {
 namespace {
 
-/// n·r²/area of a maximal Poisson-disk set of uniform radius: random sequential adsorption jams at a coverage of 0.547 with disks of
-/// radius r/2 (Feder 1980), 0.547·4/π = 0.6965 far from borders.
+/// n·r²/area of a maximal Poisson-disk set of uniform radius: random sequential adsorption jams at a coverage of 0.547 with
+/// disks of radius r/2 (Feder 1980), 0.547·4/π = 0.6965 far from borders.
 constexpr double kMaximalDensity = 0.6965;
 constexpr double kTargetTolerance = 0.02;
-/// Runs made for a target end at this many, and sooner when together they have drawn this many samples: small sets, whose counts
-/// scatter by more than the tolerance, are cheap to draw again.
+/// Runs made for a target end at this many, and sooner when together they have drawn this many samples: small sets, whose
+/// counts scatter by more than the tolerance, are cheap to draw again.
 constexpr int kTargetAttempts = 100;
 constexpr int kLeastTargetAttempts = 8;
 constexpr double kTargetSamples = 1e5;
@@ -58,7 +58,8 @@ void require_sampling_options(const SamplingOptions& options) {
 /// Refuses radii before any work that would end in memory exhaustion.
 void require_feasible_radius(double radius, double area, const Box& box, const SamplingOptions& options) {
   if (!(radius > 0) || !std::isfinite(radius)) {
-    throw Error(ErrorCode::kInvalidArgument, "sampling: the radius is " + number_text(radius) + "; it must be positive and finite");
+    throw Error(ErrorCode::kInvalidArgument,
+                "sampling: the radius is " + number_text(radius) + "; it must be positive and finite");
   }
   const double expected = kMaximalDensity * area / radius / radius;
   if (!(expected < options.max_samples)) {
@@ -68,8 +69,9 @@ void require_feasible_radius(double radius, double area, const Box& box, const S
                                           number_text(std::sqrt(kMaximalDensity * area / options.max_samples) * 1.01));
   }
   if (!VoxelGrid::fits(box, radius)) {
-    throw Error(ErrorCode::kTooLarge, "sampling: radius " + number_text(radius) + " is out of proportion to the mesh's diagonal " +
-                                          number_text(box.diagonal()) + "; use one between 1e-6 and 1e6 of it, or rescale the mesh");
+    throw Error(ErrorCode::kTooLarge, "sampling: radius " + number_text(radius) +
+                                          " is out of proportion to the mesh's diagonal " + number_text(box.diagonal()) +
+                                          "; use one between 1e-6 and 1e6 of it, or rescale the mesh");
   }
 }
 

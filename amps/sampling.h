@@ -19,25 +19,26 @@ namespace amps {
 /// Disks on a surface. `facets` and `barycentrics` say where on the input mesh each sample lies, so that anything stored per
 /// vertex or facet (UVs, colours, weights) can be interpolated; both are empty in a set that came without them (from a file).
 struct SampleSet {
-  Points positions;            ///< #S by 3
-  Eigen::VectorXd radii;       ///< #S, > 0
-  std::vector<Index> facets;   ///< #S or empty
-  Points barycentrics;         ///< #S by 3 or empty; rows are non-negative and sum to 1 (to rounding)
+  Points positions;           ///< #S by 3
+  Eigen::VectorXd radii;      ///< #S, > 0
+  std::vector<Index> facets;  ///< #S or empty
+  Points barycentrics;        ///< #S by 3 or empty; rows are non-negative and sum to 1 (to rounding)
   Index size() const { return static_cast<Index>(positions.rows()); }
 };
 
 struct SamplingOptions {
   /// Disk radius, absolute units. Exactly one of `radius` and `target_count` is set (> 0).
   double radius = 0;
-  /// Wanted number of samples; the radius follows from n·r²/area ≈ 0.70 and is corrected, by further runs with other seeds, until
-  /// the count is within 2 %. The closest run wins if that never happens (counts below 50 have no choice but to hit exactly).
+  /// Wanted number of samples; the radius follows from n·r²/area ≈ 0.70 and is corrected, by further runs with other seeds,
+  /// until the count is within 2 %. The closest run wins if that never happens (counts below 50 have no choice but to hit
+  /// exactly).
   Index target_count = 0;
   /// Same seed, mesh and options: the same bits, on any platform and any number of threads.
   std::uint64_t seed = 1;
   /// Dart throwing ends after this many consecutive rejections (k of the paper); what is left is the gap filler's.
   int max_rejections = 300;
-  /// A radius that would need more samples than this is refused before any work. Sampling takes about 1 KB of memory a sample: the
-  /// default stands for 20 GB. At most 5e7 (32-bit names of cells).
+  /// A radius that would need more samples than this is refused before any work. Sampling takes about 1 KB of memory a sample:
+  /// the default stands for 20 GB. At most 5e7 (32-bit names of cells).
   Index max_samples = 20'000'000;
   /// Threads used where work splits by facet; 0: one per core. The result does not depend on it.
   unsigned threads = 1;
@@ -45,14 +46,14 @@ struct SamplingOptions {
 };
 
 struct SamplingReport {
-  double radius = 0;              ///< the one used (differs from the option with target_count)
-  std::uint64_t seed = 0;         ///< the one used: radius and seed together reproduce the set (differs with target_count)
-  std::uint64_t darts = 0;        ///< thrown in the first stage
-  Index dart_samples = 0;         ///< samples after dart throwing
-  Index gap_samples = 0;          ///< samples added by gap filling
-  Index unfilled_gaps = 0;        ///< gaps that hold no double at the wanted distance: 0 unless the mesh lies > 1e6·r from the origin
-  int attempts = 1;               ///< sampling runs made to reach target_count
-  double seconds_darts = 0;       ///< wall clock, all attempts
+  double radius = 0;        ///< the one used (differs from the option with target_count)
+  std::uint64_t seed = 0;   ///< the one used: radius and seed together reproduce the set (differs with target_count)
+  std::uint64_t darts = 0;  ///< thrown in the first stage
+  Index dart_samples = 0;   ///< samples after dart throwing
+  Index gap_samples = 0;    ///< samples added by gap filling
+  Index unfilled_gaps = 0;  ///< gaps that hold no double at the wanted distance: 0 unless the mesh lies > 1e6·r from the origin
+  int attempts = 1;         ///< sampling runs made to reach target_count
+  double seconds_darts = 0;  ///< wall clock, all attempts
   double seconds_triangulation = 0;
   double seconds_diagram = 0;
   double seconds_gaps = 0;
@@ -75,33 +76,33 @@ SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options);
 
 /// The second stage alone, for a set made elsewhere: adds samples where the surface is uncovered until nothing is. Existing
-/// samples stay first, unchanged and in order; those that are closer than they should be stay so. The radius of new samples is the
-/// option's (0: the smallest in `existing`) and must not exceed the smallest in `existing`, so that no new disk covers an old
-/// sample. Samples of `existing` without facet and barycentrics get facet kNone and zeros in the result.
-/// Errors as sample() and verify_maximal().
+/// samples stay first, unchanged and in order; those that are closer than they should be stay so. The radius of new samples is
+/// the option's (0: the smallest in `existing`) and must not exceed the smallest in `existing`, so that no new disk covers an
+/// old sample. Samples of `existing` without facet and barycentrics get facet kNone and zeros in the result. Errors as sample()
+/// and verify_maximal().
 SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options);
 
 /// Certificate of a sample set, computed from a fresh restricted power diagram.
 struct MaximalityReport {
-  double worst_coverage = 0;     ///< max over the surface of (distance to the owner)/r; maximal ⇔ ≤ 1 (+1e-9 rounding)
-  double worst_separation = 0;   ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample
-  Index gaps = 0;                ///< fragments (restricted cell ∩ facet) that are not covered
-  double gap_area = 0;           ///< exact uncovered area, absolute
+  double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r; maximal ⇔ ≤ 1 (+1e-9 rounding)
+  double worst_separation = 0;  ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample
+  Index gaps = 0;               ///< fragments (restricted cell ∩ facet) that are not covered
+  double gap_area = 0;          ///< exact uncovered area, absolute
   bool maximal(double tolerance = 1e-9) const { return worst_coverage <= 1 + tolerance; }
   bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
 };
-/// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and barycentrics are
-/// given but not one a sample; kInvalidMesh.
+/// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
+/// barycentrics are given but not one a sample; kInvalidMesh.
 MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
 std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
 
 /// The uncovered part of the surface as triangles: the gap primitives. Each triangle contains a piece of a gap (and may
 /// overlap a disk by its circular segment); their union covers all gaps.
 struct GapSet {
-  Mesh primitives;             ///< #T triangles, vertices not shared between gaps
-  std::vector<Index> facets;   ///< #T, the input facet a primitive lies in
-  Index gaps = 0;              ///< uncovered fragments
-  double area = 0;             ///< exact uncovered area (less than that of the primitives)
+  Mesh primitives;            ///< #T triangles, vertices not shared between gaps
+  std::vector<Index> facets;  ///< #T, the input facet a primitive lies in
+  Index gaps = 0;             ///< uncovered fragments
+  double area = 0;            ///< exact uncovered area (less than that of the primitives)
 };
 GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
 

@@ -4,14 +4,14 @@
 // sphere has no other point at negative power to it; with equal weights this is the Delaunay triangulation. Points below
 // the lower hull of the lifted points (p, |p|² − w) are hidden: they are no vertex and have no power cell.
 //
-// Uniqueness. Ties are broken by the symbolic perturbation of weights stated in predicates.h, so the cells are a function of the
-// weighted points alone, not of their order, and no cell is ever flat. Of points with equal positions the greatest weight wins and
-// hides the others; with equal weights too the one with the lowest id stays and the others are duplicates.
+// Uniqueness. Ties are broken by the symbolic perturbation of weights stated in predicates.h, so the cells are a function of
+// the weighted points alone, not of their order, and no cell is ever flat. Of points with equal positions the greatest weight
+// wins and hides the others; with equal weights too the one with the lowest id stays and the others are duplicates.
 //
 // How. Incremental insertion (Bowyer 1981, Watson 1981) with a ghost vertex at infinity; bulk input is sorted into rounds of
 // growing size (BRIO: Amenta, Choi & Rote 2003), each along a Hilbert curve; single points are located by a visibility walk.
-// Expected O(n log n) for bulk input, O(1) an insertion with a good hint on evenly spread points. Memory: 32 bytes a cell (about
-// 6.7 cells a point in a volume), 37 bytes a point.
+// Expected O(n log n) for bulk input, O(1) an insertion with a good hint on evenly spread points. Memory: 32 bytes a cell
+// (about 6.7 cells a point in a volume), 37 bytes a point.
 //
 // Limits. 2^29 cells. Any finite doubles. Degenerate sets (all points on one plane, line or point) have no cells; dimension()
 // says so, and insertion goes on from there.
@@ -29,6 +29,15 @@
 namespace amps {
 
 namespace detail {
+
+struct InsertionOrder;
+
+/// Corners of the face opposite to slot k of a positively oriented cell, counter-clockwise seen from outside the cell.
+inline constexpr int kFaceCorners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+
+}  // namespace detail
+
+namespace detail {
 struct TriangulationTestAccess;  // defined by the tests, to corrupt a triangulation and see check() notice
 }  // namespace detail
 
@@ -41,14 +50,15 @@ class RegularTriangulation {
     kVisible,    ///< a vertex of the triangulation (or waiting for one while dimension() < 3)
     kHidden,     ///< dominated by others: no power cell
     kDuplicate,  ///< equal in position and weight to a point with a lower id
+    kRemoved,    ///< taken out; the id stays unused until reinsert()
   };
 
   /// Four corners, positively oriented (orient3d > 0), and the neighbour opposite to each: 4·cell + the face of that cell that
   /// is shared. The corner kInfinite, if any, is the last one; the other three then form a hull facet, counter-clockwise seen
   /// from outside.
   struct Cell {
-    std::array<Index, 4> vertex;
-    std::array<Index, 4> neighbor;
+    std::array<Index, 4> vertex{kNone, kNone, kNone, kNone};
+    std::array<Index, 4> neighbor{kNone, kNone, kNone, kNone};
     bool ghost() const { return vertex[3] == kInfinite; }
     bool alive() const { return vertex[0] != kNone; }
   };
@@ -57,37 +67,48 @@ class RegularTriangulation {
 
   /// Bulk construction: insert(positions, weights).
   explicit RegularTriangulation(const PointsView& positions);
-  RegularTriangulation(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights);
+  RegularTriangulation(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights, unsigned threads = 1);
 
   /// Inserts a list of points: ids are num_vertices()… in row order. No weights: all 0.
   /// Throws Error(kInvalidArgument): a coordinate or weight not finite (names the row), sizes differ, more than 2^29 cells.
   /// Nothing has changed then.
   void insert(const PointsView& positions);
-  void insert(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights);
+  /// With more than one thread (0: one per core) large sets go in in parallel, with the same cells; small ones stay sequential.
+  void insert(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights, unsigned threads = 1);
 
   /// Inserts one point and returns its id. `hint`: a cell near it (kNone: the last one touched).
   Index insert(const Vec3& position, double weight, Index hint = kNone);
 
-  /// Points that the last single insertion (the other insert) hid: the new one itself, or vertices it dominates.
+  /// Takes a point out, in any order down to none; what it had hidden comes back. Ids of other points stay valid, and no id is
+  /// given out again except by reinsert(). Throws Error(kInvalidArgument) if there is no such point. O(d²) exact tests for a
+  /// vertex of degree d, most of them by their filter: d is 15 on average.
+  void remove(Index v);
+  /// Puts a removed id back to use. Errors as insert(), and kInvalidArgument if v is not a removed id.
+  void reinsert(Index v, const Vec3& position, double weight, Index hint = kNone);
+  /// Removes v and reinserts it elsewhere or with another weight; nothing happens if nothing differs.
+  void move(Index v, const Vec3& position, double weight);
+
+  /// Points that the last single insertion (or reinsert) hid: the new one itself, or vertices it dominates.
   const std::vector<Index>& hidden_by_last_insertion() const { return hidden_by_last_; }
 
-  /// Neighbours of the vertex that the last single insertion made, kInfinite included, in no particular order. Meaningless if it
-  /// was hidden or dimension() < 3.
+  /// Neighbours of the vertex that the last single insertion made, kInfinite included, in no particular order. Meaningless if
+  /// it was hidden or dimension() < 3.
   const std::vector<Index>& neighbors_of_last_insertion() const { return cavity_vertices_; }
 
   /// −1 empty, 0 all at one position, 1 on a line, 2 in a plane, 3 proper: only then are there cells.
   int dimension() const { return dimension_; }
 
-  Index num_vertices() const { return static_cast<Index>(points_.size()); }  ///< ids given out, hidden ones included
+  Index num_vertices() const { return static_cast<Index>(points_.size()); }  ///< ids given out, hidden and removed included
   Index num_hidden() const { return num_hidden_; }                           ///< hidden and duplicate
+  Index num_removed() const { return num_removed_; }
   const WeightedPoint& point(Index v) const { return points_[static_cast<std::size_t>(v)]; }
   VertexState state(Index v) const { return state_[static_cast<std::size_t>(v)]; }
 
   /// Cells live in a flat array with holes: visit c in [0, cell_capacity()) with cell(c).alive().
   Index cell_capacity() const { return static_cast<Index>(cells_.size()); }
   const Cell& cell(Index c) const { return cells_[static_cast<std::size_t>(c)]; }
-  Index num_cells() const { return num_finite_; }  ///< finite ones
-  Index num_ghosts() const { return num_ghosts_; } ///< = hull facets
+  Index num_cells() const { return num_finite_; }   ///< finite ones
+  Index num_ghosts() const { return num_ghosts_; }  ///< = hull facets
 
   /// #C by 4 corners of the finite cells, in storage order.
   Eigen::Matrix<Index, Eigen::Dynamic, 4, Eigen::RowMajor> cells() const;
@@ -99,8 +120,8 @@ class RegularTriangulation {
     return state(v) == VertexState::kVisible ? vertex_cell_[static_cast<std::size_t>(v)] : kNone;
   }
 
-  /// Vertices sharing an edge with v, ascending ids, kInfinite left out. Empty for hidden points. `out` is overwritten and keeps
-  /// its capacity. O(degree).
+  /// Vertices sharing an edge with v, ascending ids, kInfinite left out. Empty for hidden points. `out` is overwritten and
+  /// keeps its capacity. O(degree).
   void neighbors(Index v, std::vector<Index>& out) const;
   /// Cells with corner v, ghosts included, in no particular order.
   void incident_cells(Index v, std::vector<Index>& out) const;
@@ -129,46 +150,93 @@ class RegularTriangulation {
  private:
   friend struct detail::TriangulationTestAccess;
 
+  /// A facet between a cell in conflict and one that is not, as 4·cell + face from either side.
   struct BoundaryFacet {
-    std::array<Index, 4> vertex;    ///< of the new cell: those of the conflicting one with the new vertex in `slot`
-    Index outside;                  ///< 4·cell + face on the far side
-    std::int32_t slot;
-    std::array<std::int32_t, 4> local;  ///< cavity-local numbers of the corners
+    Index inside;
+    Index outside;
   };
+  /// An edge of the cavity's boundary that has met one of its two new cells.
+  struct OpenEdge {
+    std::uint64_t edge;  ///< its vertices
+    Index face;          ///< 4·cell + face of the new cell
+  };
+  /// Scratch of one insertion, kept for its capacity; one per thread.
+  struct Workspace {
+    std::vector<Index> conflict;          ///< the cavity
+    std::vector<BoundaryFacet> boundary;  ///< and what is around it
+    std::vector<Index> free_cells;        ///< dead cells to use again
+    std::vector<std::uint32_t> local;     ///< by vertex + 2: stamp of the last use, and the vertex's number in it
+    std::uint32_t stamp = 0;
+    std::vector<OpenEdge> open_edges;
+    Index next_cell = 0, end_cell = 0;  ///< unused cells set aside for this thread
+  };
+  struct ParallelPass;
+  class ParallelWorker;
+  enum CellMark : std::uint8_t { kUntested, kInConflict, kOutside };
+  static constexpr std::size_t kSmallStar = 64;     ///< vertices around a cavity that a table of all pairs is made for
+  static constexpr std::uint32_t kStampStep = 256;  ///< local_: 24 bits of stamp, 8 bits of number
 
   void append_points(const PointsView& positions, const double* weights);
   void grow_bounds(const WeightedPoint& p);
   void start_simplex(const std::array<Index, 4>& corner);
   bool extend_basis(Index v);
-  void build(std::vector<Index> order);
-  void bulk_insert(Index first);
-  void relabel(Index first, const std::vector<Index>& id_of_rank);
+  void build(detail::InsertionOrder& order, Index count, unsigned threads);
+  void settle_duplicate(Index rank, Index first, std::vector<Index>& id_of_rank);
+  void bulk_insert(Index first, unsigned threads);
+  void finish_bulk(Index first, const std::vector<Index>& id_of_rank);
   Index insert_vertex(Index v, Index hint);
 
   bool in_conflict(Index c, const WeightedPoint& q) const;
   Index walk(const WeightedPoint& q, Index start, double orientation_bound) const;
   void dig_cavity(Index start, const WeightedPoint& q);
-  void number_cavity_vertices();
-  void collect_hidden_by_cavity();
-  Index fill_cavity(Index v);
-  void link_star(const std::vector<Index>& new_cell);
-  Index allocate_cell();
+  void collect_cavity_vertices();
+  Index fill_cavity(Workspace& work, Index v);
+  void glue_small_star(Workspace& work);
+  void glue_large_star(Workspace& work);
+  std::uint32_t next_stamp(Workspace& work) const;
+  Index allocate_cell(Workspace& work);
+
+  // Parallel bulk insertion (triangulation_parallel.cpp).
+  Index insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve, unsigned threads,
+                           std::vector<Index>& rest);
+
+  // Removal (triangulation_edit.cpp). A facet of the hole's border, as the cell that it is to get: one corner, in `slot`, is
+  // kNone.
+  struct HoleFacet {
+    std::array<Index, 4> vertex;
+    int slot;
+    Index outside;  ///< 4·cell + face on the far side
+  };
+  void require_present(Index v) const;
+  static void require_finite_point(const Vec3& position, double weight);
+  void forget(Index v);
+  void rebuild_basis();
+  void flatten();
+  void place(Index v, Index hint);
+  void open_hole(Index v);
+  Index apex_of(const HoleFacet& facet) const;
+  void wrap_hole();
+  void glue(Index face, Index other);
+  void meet_face(Index c, int k);
+  void detach_hidden(Index v);
 
   void hide(Index v, VertexState state);
   void attach_hidden(Index v, Index c);
   void release_hidden(Index c);
   void place_hidden(Index hint);
 
-  bool is_vertex(Index v) const { return state(v) == VertexState::kVisible && vertex_cell_[static_cast<std::size_t>(v)] != kNone; }
+  bool is_vertex(Index v) const {
+    return state(v) == VertexState::kVisible && vertex_cell_[static_cast<std::size_t>(v)] != kNone;
+  }
 
   std::vector<WeightedPoint> points_;
   std::vector<VertexState> state_;
   std::vector<Index> vertex_cell_;  ///< visible: an incident cell; hidden: the cell whose interior or boundary contains it
   std::vector<Cell> cells_;         ///< a dead cell has vertex[0] == kNone
-  std::vector<Index> free_cells_;
   int dimension_ = -1;
   std::array<Index, 3> basis_{kNone, kNone, kNone};  ///< affinely independent points, dimension_ + 1 of them while < 3
   Index num_hidden_ = 0;
+  Index num_removed_ = 0;
   Index num_finite_ = 0;
   Index num_ghosts_ = 0;
   Index last_cell_ = kNone;  ///< where the next walk without a hint starts
@@ -184,14 +252,13 @@ class RegularTriangulation {
   std::vector<Index> hidden_next_;  ///< by vertex
   bool bulk_ = false;               ///< hidden points are attached once, at the end of a bulk insertion
 
-  // Scratch of one insertion, kept for its capacity.
-  std::vector<std::uint8_t> mark_;  ///< by cell
+  std::vector<std::uint8_t> mark_;  ///< by cell: scratch of an insertion
   std::vector<Index> hidden_by_last_;
-  std::vector<Index> conflict_, outside_tested_, unplaced_, new_cells_;
-  std::vector<BoundaryFacet> boundary_;
-  std::vector<std::int32_t> local_;  ///< by vertex + 2: cavity-local number + 1, 0 outside an insertion
+  std::vector<Index> unplaced_;   ///< hidden points without a cell
+  std::vector<Index> uncovered_;  ///< hidden points of a hole
+  std::vector<HoleFacet> open_facets_, open_ghost_facets_;
   std::vector<Index> cavity_vertices_;
-  std::vector<Index> edge_table_;
+  Workspace work_;
 };
 
 }  // namespace amps

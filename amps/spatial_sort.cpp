@@ -1,0 +1,157 @@
+#define AMPS_OWN_SOURCE
+#include "amps/spatial_sort.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace amps::detail {
+namespace {
+
+/// The 3D Hilbert curve as an automaton (Hamilton, "Compact Hilbert indices", 2006): a state is an entry corner and a
+/// direction; an octant of the grid leads to its rank along the curve and the state inside it.
+struct HilbertAutomaton {
+  std::uint8_t rank[24][8]{};
+  std::uint8_t next[24][8]{};
+
+  constexpr HilbertAutomaton() {
+    for (unsigned entry = 0; entry < 8; ++entry) {
+      for (unsigned direction = 0; direction < 3; ++direction) {
+        for (unsigned octant = 0; octant < 8; ++octant) {
+          const unsigned gray = rotate_right(octant ^ entry, (direction + 1) % 3);
+          unsigned w = gray ^ (gray >> 1);
+          w ^= gray >> 2;
+          const unsigned entry_of_w = w == 0 ? 0 : gray_code(2 * ((w - 1) / 2));
+          const unsigned direction_of_w = w == 0 ? 0 : trailing_ones(w % 2 == 0 ? w - 1 : w) % 3;
+          const unsigned next_entry = entry ^ rotate_left(entry_of_w, (direction + 1) % 3);
+          const unsigned next_direction = (direction + direction_of_w + 1) % 3;
+          rank[entry * 3 + direction][octant] = static_cast<std::uint8_t>(w);
+          next[entry * 3 + direction][octant] = static_cast<std::uint8_t>(next_entry * 3 + next_direction);
+        }
+      }
+    }
+  }
+
+  static constexpr unsigned gray_code(unsigned x) { return x ^ (x >> 1); }
+  static constexpr unsigned rotate_right(unsigned x, unsigned k) { return ((x >> k) | (x << (3 - k))) & 7u; }
+  static constexpr unsigned rotate_left(unsigned x, unsigned k) { return ((x << k) | (x >> (3 - k))) & 7u; }
+  static constexpr unsigned trailing_ones(unsigned x) {
+    unsigned n = 0;
+    for (; (x & 1u) != 0; x >>= 1) ++n;
+    return n;
+  }
+};
+constexpr HilbertAutomaton kHilbert;
+
+struct KeyedIndex {
+  std::uint64_t key;
+  Index index;
+};
+
+/// Stable sort by the low `bits` bits of the key, least significant digit first.
+void radix_sort(std::vector<KeyedIndex>& items, int bits) {
+  constexpr int kDigit = 11;
+  std::vector<KeyedIndex> other(items.size());
+  for (int shift = 0; shift < bits; shift += kDigit) {
+    std::size_t start[(1 << kDigit) + 1] = {};
+    const auto digit = [shift](const KeyedIndex& item) { return (item.key >> shift) & ((1u << kDigit) - 1); };
+    for (const KeyedIndex& item : items) ++start[digit(item) + 1];
+    for (int d = 0; d < 1 << kDigit; ++d) start[d + 1] += start[d];
+    for (const KeyedIndex& item : items) other[start[digit(item)]++] = item;
+    items.swap(other);
+  }
+}
+
+constexpr double kRoundRatio = 7.5;        // growth of the rounds; measured flat between 4 and 12
+constexpr std::size_t kFirstRound = 2048;  // below this a further round costs more than its better hints save
+
+/// Sorts order[begin, end) along the Hilbert curve of its own bounding box, in rounds if those are asked for; groups that fall
+/// into one grid cell are sorted again by themselves, so clusters at any scale end up in order.
+void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& order, std::size_t begin, std::size_t end,
+                  InsertionOrder* rounds) {
+  constexpr std::size_t kSmallGroup = 16;
+  const std::size_t n = end - begin;
+  if (rounds != nullptr) {
+    rounds->round_ends.assign(1, static_cast<Index>(n));
+    rounds->curve.assign(n, 0);
+  }
+  if (n <= kSmallGroup) return;
+  double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+  for (std::size_t k = begin; k < end; ++k) {
+    const WeightedPoint& p = points[static_cast<std::size_t>(order[k])];
+    const double x[3] = {p.x, p.y, p.z};
+    for (int a = 0; a < 3; ++a) {
+      low[a] = std::min(low[a], x[a]);
+      high[a] = std::max(high[a], x[a]);
+    }
+  }
+  // Halves, because the extent itself may overflow.
+  const double extent = std::max({high[0] / 2 - low[0] / 2, high[1] / 2 - low[1] / 2, high[2] / 2 - low[2] / 2});
+  if (!(extent > 0)) return;
+
+  int levels = 3;
+  while (levels < 18 && (std::size_t{1} << (2 * levels)) < 16 * n) ++levels;  // surfaces: n ~ 4^levels
+  int round_count = 1;
+  for (double size = static_cast<double>(n) / kRoundRatio; rounds != nullptr && size >= static_cast<double>(kFirstRound);
+       size /= kRoundRatio) {
+    ++round_count;
+  }
+  const double cells = static_cast<double>(1u << levels);
+  std::vector<KeyedIndex> items(n);
+  for (std::size_t k = 0; k < n; ++k) {
+    const Index index = order[begin + k];
+    const WeightedPoint& p = points[static_cast<std::size_t>(index)];
+    const double x[3] = {p.x, p.y, p.z};
+    unsigned grid[3];
+    for (int a = 0; a < 3; ++a) {
+      const double t = (x[a] / 2 - low[a] / 2) / extent * cells;
+      grid[a] = std::min(static_cast<unsigned>(t), (1u << levels) - 1);
+    }
+    std::uint64_t key = 0;
+    unsigned state = 0;
+    for (int level = levels - 1; level >= 0; --level) {
+      const unsigned octant = ((grid[0] >> level) & 1u) | (((grid[1] >> level) & 1u) << 1) | (((grid[2] >> level) & 1u) << 2);
+      key = (key << 3) | kHilbert.rank[state][octant];
+      state = kHilbert.next[state][octant];
+    }
+    if (round_count > 1) {
+      // A point is in the last round with probability 1 − 1/ratio, in the one before with 1/ratio of that, and so on.
+      double u = static_cast<double>(scramble(static_cast<std::uint64_t>(index)) >> 11) * 0x1p-53;
+      int round = round_count - 1;
+      for (; round > 0 && u < 1 / kRoundRatio; --round) u *= kRoundRatio;
+      key |= static_cast<std::uint64_t>(round) << (3 * levels);
+    }
+    items[k] = {key, index};
+  }
+  int bits = 3 * levels;
+  for (int k = round_count - 1; k > 0; k >>= 1) ++bits;
+  radix_sort(items, bits);
+  for (std::size_t k = 0; k < n; ++k) order[begin + k] = items[k].index;
+  if (rounds != nullptr) {
+    rounds->round_ends.clear();
+    for (std::size_t k = 0; k < n; ++k) {
+      // The upper 32 bits of the place on the curve.
+      const std::uint64_t place = items[k].key & ((std::uint64_t{1} << (3 * levels)) - 1);
+      rounds->curve[k] = static_cast<std::uint32_t>(3 * levels >= 32 ? place >> (3 * levels - 32) : place << (32 - 3 * levels));
+      if (k + 1 == n || items[k].key >> (3 * levels) != items[k + 1].key >> (3 * levels)) {
+        rounds->round_ends.push_back(static_cast<Index>(k + 1));
+      }
+    }
+  }
+  for (std::size_t k = 0; k < n;) {
+    std::size_t group_end = k + 1;
+    while (group_end < n && items[group_end].key == items[k].key) ++group_end;
+    if (group_end - k < n) hilbert_sort(points, order, begin + k, begin + group_end, nullptr);
+    k = group_end;
+  }
+}
+
+}  // namespace
+
+InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids) {
+  InsertionOrder result;
+  hilbert_sort(points, ids, 0, ids.size(), &result);
+  result.ids = std::move(ids);
+  return result;
+}
+
+}  // namespace amps::detail

@@ -1,0 +1,22 @@
+// spatial_sort.h (internal): the order in which points are inserted in bulk — rounds of growing size, random, each along a
+// Hilbert curve (biased randomized insertion order: Amenta, Choi & Rote, "Incremental constructions con BRIO", 2003).
+#pragma once
+
+#include "amps/base.h"
+#include "amps/predicates.h"
+
+#include <cstdint>
+#include <vector>
+
+namespace amps::detail {
+
+struct InsertionOrder {
+  std::vector<Index> ids;            ///< the points in order of insertion
+  std::vector<Index> round_ends;     ///< one past the last position of each round
+  std::vector<std::uint32_t> curve;  ///< by position in `ids`: the point's place along one curve for all rounds
+};
+
+/// The order for the given points; a function of the points and their ids alone. O(n).
+InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids);
+
+}  // namespace amps::detail
