@@ -58,6 +58,11 @@ void require_rebuilt(const RegularTriangulation& t) {
   const RegularTriangulation fresh(positions, weights);
   require(t.dimension() == fresh.dimension(), "another dimension than construction of what is left");
   require(t.num_cells() == fresh.num_cells() && t.num_hidden() == fresh.num_hidden(), "not construction of what is left");
+  for (Index v = 0, row = 0; v < t.num_vertices(); ++v) {
+    if (t.state(v) == State::kRemoved) continue;
+    require((t.state(v) == State::kVisible) == (fresh.state(row++) == State::kVisible),
+            "another vertex than construction makes");
+  }
 }
 
 }  // namespace

@@ -803,6 +803,29 @@ TEST_CASE("triangulation edit: points of all magnitudes at once can be removed")
   remove_in_many_orders(rng, sites, 4);
 }
 
+TEST_CASE("triangulation edit: decisions stay exact when points leave the box that the set has had so far") {
+  Rng rng(20);
+  // From a tiny cube onto a grid of rounded spacing, where the sign of most decisions is below the rounding of doubles.
+  const auto grid = [&rng] {
+    const WeightedPoint p = on_lattice(rng, 8, 1);
+    return WeightedPoint{p.x / 7, p.y / 7, p.z / 7, 0};
+  };
+  RegularTriangulation moved = built(make(150, [&] {
+    const WeightedPoint p = in_cube(rng, 0);
+    return WeightedPoint{p.x * 0x1p-30, p.y * 0x1p-30, p.z * 0x1p-30, 0};
+  }));
+  RegularTriangulation returned = moved;
+  for (Index v = 0; v < 150; ++v) {
+    const Vec3 x = grid().position();
+    moved.move(v, x, 0);
+    returned.remove(149 - v);
+    returned.reinsert(149 - v, x, 0);
+    if (v % 10 != 9) continue;
+    require_rebuilt(moved);
+    require_rebuilt(returned);
+  }
+}
+
 TEST_CASE("triangulation edit: one far point leaves no trace when it is gone") {
   Rng rng(16);
   RegularTriangulation t = built(make(100, [&] { return in_cube(rng, 0.01); }));

@@ -1,5 +1,5 @@
-// Construction of the regular triangulation, amps beside CGAL's sequential Regular_triangulation_3 on the same points in one run.
-// Interleave repetitions for a fair ratio on a busy machine:
+// Construction of the regular triangulation, insertion with a hint and removal, amps beside CGAL's sequential
+// Regular_triangulation_3 on the same points in one run. Interleave repetitions for a fair ratio on a busy machine:
 //   amps_bench --benchmark_filter=triangulation --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true
 #include "amps/triangulation.h"
 
@@ -152,8 +152,23 @@ void insert_with_hint(benchmark::State& state, char name) {
     amps::RegularTriangulation t = first;
     state.ResumeTiming();
     for (Eigen::Index k = 0; k < some; ++k) {
-      t.insert(in.positions.row(half + k).transpose(), in.weights[half + k], t.incident_cell(hint[static_cast<std::size_t>(k)]));
+      t.insert(in.positions.row(half + k).transpose(), in.weights[half + k],
+               t.incident_cell(hint[static_cast<std::size_t>(k)]));
     }
+  }
+  state.SetItemsProcessed(state.iterations() * some);
+}
+
+/// Removal of 10,000 points in random order, from a fresh copy each time.
+void remove_some(benchmark::State& state, char name) {
+  const Input& in = input(name);
+  const Eigen::Index some = 10000;
+  const amps::RegularTriangulation all(in.positions, in.weights);
+  for (auto _ : state) {
+    state.PauseTiming();
+    amps::RegularTriangulation t = all;
+    state.ResumeTiming();
+    for (amps::Index v = 0; v < some; ++v) t.remove(v);  // the input is in random order
   }
   state.SetItemsProcessed(state.iterations() * some);
 }
@@ -198,6 +213,23 @@ void insert_with_hint_cgal(benchmark::State& state, char name) {
   }
   state.SetItemsProcessed(state.iterations() * some);
 }
+
+void remove_some_cgal(benchmark::State& state, char name) {
+  const Input& in = input(name);
+  const Eigen::Index some = 10000;
+  std::vector<Oracle::Weighted_point> points;
+  for (Eigen::Index k = 0; k < in.positions.rows(); ++k) points.push_back(weighted_point(in, k));
+  for (auto _ : state) {
+    state.PauseTiming();
+    Oracle t(points.begin(), points.end());
+    std::vector<Oracle::Vertex_handle> vertices;  // no point of these inputs is hidden: each is nearest to itself
+    for (Eigen::Index k = 0; k < some; ++k)
+      vertices.push_back(t.nearest_power_vertex(points[static_cast<std::size_t>(k)].point()));
+    state.ResumeTiming();
+    for (const Oracle::Vertex_handle v : vertices) t.remove(v);
+  }
+  state.SetItemsProcessed(state.iterations() * some);
+}
 #endif
 
 constexpr std::pair<char, const char*> kInputs[] = {
@@ -217,13 +249,17 @@ const int kRegistered = [] {
 #endif
   }
   for (const char name : {'a', 'c'}) {
-    const std::string title = std::string("triangulation/insert_with_hint_") + name;
-    const auto add = [&title](const char* who, std::function<void(benchmark::State&)> run) {
-      benchmark::RegisterBenchmark((title + who).c_str(), std::move(run))->Unit(benchmark::kMillisecond);
+    const auto add = [name](const char* what, const char* who, void (*run)(benchmark::State&, char)) {
+      const std::string title = std::string("triangulation/") + what + "_" + name + who;
+      benchmark::RegisterBenchmark(title.c_str(), [run, name](benchmark::State& state) {
+        run(state, name);
+      })->Unit(benchmark::kMillisecond);
     };
-    add("/amps", [name](benchmark::State& state) { insert_with_hint(state, name); });
+    add("insert_with_hint", "/amps", insert_with_hint);
+    add("remove", "/amps", remove_some);
 #ifdef AMPS_BENCH_CGAL
-    add("/cgal", [name](benchmark::State& state) { insert_with_hint_cgal(state, name); });
+    add("insert_with_hint", "/cgal", insert_with_hint_cgal);
+    add("remove", "/cgal", remove_some_cgal);
 #endif
   }
   return 0;
