@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/predicates.h"
 
+#include <cstdlib>
 #include <utility>
 
 namespace amps {
@@ -19,8 +20,14 @@ void require_exact_arithmetic() {
   }
 }
 
-StaticBounds StaticBounds::for_box(const Vec3& extent, double weight_range) noexcept {
+StaticBounds StaticBounds::for_set(const Vec3& extent, double weight_range, int unit) noexcept {
   StaticBounds bounds;
+  // In multiples of the unit, all intermediate values are integers of at most the sum of the monomials' magnitudes: 6 of them
+  // in an orientation, 24 in a power test. Below 2^53 doubles hold them all.
+  if (std::abs(unit) < 150) {
+    bounds.orientation_exact = std::ldexp(1.0, 50 + 3 * unit);
+    bounds.power_exact = std::ldexp(1.0, 48 + 5 * unit);
+  }
   // A flat box has no static bound of use; a huge or tiny one leaves it to the later stages.
   const double least = extent.minCoeff(), most = extent.maxCoeff();
   const double height = extent.squaredNorm() + weight_range;
@@ -119,7 +126,7 @@ int power_test_exact(const WeightedPoint* const p[4], const WeightedPoint& q, St
   });
 }
 
-int power_test_symbolic(const WeightedPoint* const p[4], const WeightedPoint& q) noexcept {
+int power_test_symbolic(const WeightedPoint* const p[4], const WeightedPoint& q, const StaticBounds& bounds) noexcept {
   // The determinant gains Σ ε_k·C_k − ε_q·ΣC_k, where C_k is the orientation of the cell with p_k replaced by q, and ΣC_k that
   // of the cell itself, positive: the first non-zero coefficient in order of dominance decides, at q at the latest.
   const auto order = by_dominance<5>({p[0], p[1], p[2], p[3], &q});
@@ -127,7 +134,7 @@ int power_test_symbolic(const WeightedPoint* const p[4], const WeightedPoint& q)
     if (k == 4) return -1;
     const WeightedPoint* cell[4] = {p[0], p[1], p[2], p[3]};
     cell[k] = &q;
-    const int sign = orient3d(*cell[0], *cell[1], *cell[2], *cell[3]);
+    const int sign = orient3d(*cell[0], *cell[1], *cell[2], *cell[3], bounds);
     if (sign != 0) return sign;
   }
   return -1;

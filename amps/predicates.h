@@ -3,6 +3,7 @@
 // Every predicate goes through the same stages and returns the sign of its polynomial for the doubles as given:
 //   static    two comparisons with a bound that holds for a whole point set (only where the caller has one);
 //   filter    double arithmetic with a bound from the magnitudes of this call;
+//   double    the double value itself, where all input of this call lies on a lattice coarse enough for it to be exact;
 //   exact     integers of fixed width (exact.h), in three widths: data of ≤ 58 bits, of ≤ 122 bits, any finite doubles;
 //   symbolic  where the exact value is 0 and the geometry needs a decision.
 //
@@ -33,11 +34,11 @@ struct WeightedPoint {
 };
 
 /// Which stage decided a predicate.
-enum class Stage { kStatic, kFilter, kExactNarrow, kExactMiddle, kExactWide, kSymbolic };
+enum class Stage { kStatic, kFilter, kExactDouble, kExactNarrow, kExactMiddle, kExactWide, kSymbolic };
 
 /// Counts decisions per stage.
 struct StageTally {
-  std::array<std::uint64_t, 6> counts{};
+  std::array<std::uint64_t, 7> counts{};
   void count(Stage stage) noexcept { ++counts[static_cast<std::size_t>(stage)]; }
   std::uint64_t operator[](Stage stage) const noexcept { return counts[static_cast<std::size_t>(stage)]; }
 };
@@ -87,6 +88,7 @@ auto power_determinant(const H (&h)[4], const T (&d)[4][3]) noexcept {
 /// Orientation: 3 differences, 2 products, 1 + 2 sums: k = 8, six monomials. Power: differences 3 + 2, square 1, sums of h 3,
 /// minors 2 + 2 + 2 (products and sums), product with h 1, last sums 2: k = 18, 24 monomials. Slack for the roundings of
 /// the bound itself is included. The same bounds hold with any magnitudes that are not smaller: of this call, or of the set.
+/// If a magnitude is exactly 0 so is the determinant, and its double value: every monomial has that factor.
 inline constexpr double kOrientationBound = 50 * kUnitRoundoff;
 inline constexpr double kPowerBound = 450 * kUnitRoundoff;
 
@@ -97,38 +99,49 @@ inline constexpr double kFilterMax = 1e50;
 int orient3d_exact(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint& c, const WeightedPoint& d,
                    Stage& stage) noexcept;
 int power_test_exact(const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage) noexcept;
-int power_test_symbolic(const WeightedPoint* const p[4], const WeightedPoint& q) noexcept;
 
-/// What holds for all calls within one point set: |determinant| above these is decided. 0-initialised: decides nothing.
+/// What holds for all calls within one point set. By default nothing.
 struct StaticBounds {
-  double orientation = INFINITY;
+  double orientation = INFINITY;  ///< determinants above this are decided
   double power = INFINITY;
-  /// For points within a box of these extents, and weights within `weight_range` of each other.
-  static StaticBounds for_box(const Vec3& extent, double weight_range) noexcept;
+  double orientation_exact = 0;  ///< products of magnitudes up to this leave the double determinant without any rounding
+  double power_exact = 0;
+  /// For points within a box of these extents and weights within `weight_range` of each other, coordinates being multiples of
+  /// 2^unit and weights of 2^(2·unit).
+  static StaticBounds for_set(const Vec3& extent, double weight_range, int unit) noexcept;
 };
+
+int power_test_symbolic(const WeightedPoint* const p[4], const WeightedPoint& q, const StaticBounds& bounds) noexcept;
 
 }  // namespace detail
 
 /// Sign of det(b − a, c − a, d − a), the volume of the tetrahedron: +1 if a, b, c turn counter-clockwise seen from d, 0 if the
 /// four points are exactly coplanar.
 /// Laws: swapping two arguments negates it; even permutations keep it.
+/// `bounds`: what is known of the set that the points are from.
 template <class Tally = NoTally>
 int orient3d(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint& c, const WeightedPoint& d,
-             double static_bound = INFINITY, Tally&& tally = NoTally{}) noexcept {
+             const detail::StaticBounds& bounds = {}, Tally&& tally = NoTally{}) noexcept {
   const double m[3][3] = {
       {b.x - a.x, b.y - a.y, b.z - a.z}, {c.x - a.x, c.y - a.y, c.z - a.z}, {d.x - a.x, d.y - a.y, d.z - a.z}};
   const double value = detail::determinant3(m[0], m[1], m[2]);
-  if (value > static_bound || -value > static_bound) {
+  if (value > bounds.orientation || -value > bounds.orientation) {
     tally.count(Stage::kStatic);
     return value > 0 ? 1 : -1;
   }
   const auto largest = [&m](int k) { return std::max({std::fabs(m[0][k]), std::fabs(m[1][k]), std::fabs(m[2][k])}); };
   const double mx = largest(0), my = largest(1), mz = largest(2);
-  if (std::min({mx, my, mz}) > detail::kFilterMin && std::max({mx, my, mz}) < detail::kFilterMax) {
-    const double bound = detail::kOrientationBound * mx * my * mz;
+  const double least = std::min({mx, my, mz});
+  if (std::max({mx, my, mz}) < detail::kFilterMax && (least > detail::kFilterMin || least == 0)) {
+    const double volume = mx * my * mz;
+    const double bound = detail::kOrientationBound * volume;
     if (value > bound || -value > bound) {
       tally.count(Stage::kFilter);
       return value > 0 ? 1 : -1;
+    }
+    if (volume <= bounds.orientation_exact) {
+      tally.count(Stage::kExactDouble);
+      return detail::sign_of(value);
     }
   }
   Stage stage;
@@ -143,7 +156,7 @@ int orient3d(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint
 /// Law: even permutations of p0..p3 keep it.
 template <bool kPerturbed = true, class Tally = NoTally>
 int power_test(const WeightedPoint& p0, const WeightedPoint& p1, const WeightedPoint& p2, const WeightedPoint& p3,
-               const WeightedPoint& q, double static_bound = INFINITY, Tally&& tally = NoTally{}) noexcept {
+               const WeightedPoint& q, const detail::StaticBounds& bounds = {}, Tally&& tally = NoTally{}) noexcept {
   const WeightedPoint* const p[4] = {&p0, &p1, &p2, &p3};
   double d[4][3], h[4], dw[4];
   for (int k = 0; k < 4; ++k) {
@@ -154,7 +167,7 @@ int power_test(const WeightedPoint& p0, const WeightedPoint& p1, const WeightedP
     h[k] = d[k][0] * d[k][0] + d[k][1] * d[k][1] + d[k][2] * d[k][2] + dw[k];
   }
   const double value = detail::power_determinant(h, d);
-  if (value > static_bound || -value > static_bound) {
+  if (value > bounds.power || -value > bounds.power) {
     tally.count(Stage::kStatic);
     return value > 0 ? 1 : -1;
   }
@@ -164,17 +177,24 @@ int power_test(const WeightedPoint& p0, const WeightedPoint& p1, const WeightedP
   }
   const double mw = std::max(std::max(std::fabs(dw[0]), std::fabs(dw[1])), std::max(std::fabs(dw[2]), std::fabs(dw[3])));
   const double mh = m[0] * m[0] + m[1] * m[1] + m[2] * m[2] + mw;
-  if (std::min({m[0], m[1], m[2]}) > detail::kFilterMin && mh < detail::kFilterMax) {
-    const double bound = detail::kPowerBound * mh * m[0] * m[1] * m[2];
+  const double least = std::min({m[0], m[1], m[2]});
+  Stage stage = Stage::kSymbolic;
+  int sign = 0;
+  if (mh < detail::kFilterMax && (least > detail::kFilterMin || least == 0)) {
+    const double magnitude = mh * m[0] * m[1] * m[2];
+    const double bound = detail::kPowerBound * magnitude;
     if (value > bound || -value > bound) {
       tally.count(Stage::kFilter);
       return value > 0 ? 1 : -1;
     }
+    if (magnitude <= bounds.power_exact) {
+      stage = Stage::kExactDouble;
+      sign = detail::sign_of(value);
+    }
   }
-  Stage stage;
-  int sign = detail::power_test_exact(p, q, stage);
+  if (stage != Stage::kExactDouble) sign = detail::power_test_exact(p, q, stage);
   if (kPerturbed && sign == 0) {
-    sign = detail::power_test_symbolic(p, q);
+    sign = detail::power_test_symbolic(p, q, bounds);
     stage = Stage::kSymbolic;
   }
   tally.count(stage);

@@ -102,12 +102,14 @@ void RegularTriangulation::append_points(const PointsView& positions, const doub
   }
   state_.resize(total, VertexState::kVisible);
   vertex_cell_.resize(total, kNone);
-  bounds_ = detail::StaticBounds::for_box(box_max_ - box_min_, weight_max_ - weight_min_);
+  bounds_ = detail::StaticBounds::for_set(box_max_ - box_min_, weight_max_ - weight_min_, scale_.unit());
 }
 
 void RegularTriangulation::grow_bounds(const WeightedPoint& p) {
   box_min_ = box_min_.cwiseMin(p.position());
   box_max_ = box_max_.cwiseMax(p.position());
+  for (const double x : {p.x, p.y, p.z}) scale_.coordinate(x);
+  scale_.weight(p.w);
   weight_min_ = std::min(weight_min_, p.w);
   weight_max_ = std::max(weight_max_, p.w);
   weights_vary_ = weight_min_ < weight_max_;
@@ -303,7 +305,7 @@ Index RegularTriangulation::insert(const Vec3& position, double weight, Index hi
 /// Returns a cell near v. A duplicate gets its twin as vertex_cell_, for the caller to settle who keeps the lower id.
 Index RegularTriangulation::insert_vertex(Index v, Index hint) {
   const WeightedPoint q = point(v);
-  const Index start = walk(q, hint, bounds_.orientation);
+  const Index start = walk(q, hint, bounds_);
   const Cell& home = cell(start);
   for (const Index u : home.vertex) {
     if (u != kInfinite && same_position(point(u), q) && point(u).w == q.w) {
@@ -327,19 +329,19 @@ Index RegularTriangulation::insert_vertex(Index v, Index hint) {
 bool RegularTriangulation::in_conflict(Index c, const WeightedPoint& q) const {
   const Cell* cell = &cells_[slot(c)];
   if (cell->ghost()) {
-    const int side = orient3d(point(cell->vertex[0]), point(cell->vertex[1]), point(cell->vertex[2]), q, bounds_.orientation);
+    const int side = orient3d(point(cell->vertex[0]), point(cell->vertex[1]), point(cell->vertex[2]), q, bounds_);
     if (side != 0) return side > 0;
     // q lies in the plane of the hull facet: it conflicts iff it lies in the facet's power circle, which is where that plane
     // cuts the orthogonal sphere of the finite cell behind it.
     cell = &cells_[slot(cell->neighbor[3] >> 2)];
   }
   return power_test(point(cell->vertex[0]), point(cell->vertex[1]), point(cell->vertex[2]), point(cell->vertex[3]), q,
-                    bounds_.power) > 0;
+                    bounds_) > 0;
 }
 
 /// Visibility walk: cross any face that separates the cell from q. It never cycles in a regular triangulation (Edelsbrunner,
 /// "An acyclicity theorem for cell complexes", 1989).
-Index RegularTriangulation::walk(const WeightedPoint& q, Index start, double orientation_bound) const {
+Index RegularTriangulation::walk(const WeightedPoint& q, Index start, const detail::StaticBounds& bounds) const {
   Index c = start;
   if (cell(c).ghost()) c = cell(c).neighbor[3] >> 2;
   int entry = -1;
@@ -352,7 +354,7 @@ Index RegularTriangulation::walk(const WeightedPoint& q, Index start, double ori
       if (f == entry) continue;
       const int* face = kFaceCorners[f];
       // Counter-clockwise seen from outside: positive means q is beyond it.
-      if (orient3d(*p[face[0]], *p[face[1]], *p[face[2]], q, orientation_bound) > 0) exit = f;
+      if (orient3d(*p[face[0]], *p[face[1]], *p[face[2]], q, bounds) > 0) exit = f;
     }
     if (exit < 0) return c;
     const Index next = here.neighbor[slot(exit)];
@@ -560,7 +562,7 @@ void RegularTriangulation::release_hidden(Index c) {
 /// Attaches waiting hidden points to the finite cells that contain them.
 void RegularTriangulation::place_hidden(Index hint) {
   for (const Index v : unplaced_) {
-    hint = walk(point(v), hint, bounds_.orientation);
+    hint = walk(point(v), hint, bounds_);
     attach_hidden(v, hint);
   }
   unplaced_.clear();
@@ -671,9 +673,11 @@ Index RegularTriangulation::locate(const Vec3& x, Index hint) const {
   if (dimension_ < 3) return kNone;
   if (hint == kNone || hint >= cell_capacity() || !cell(hint).alive()) hint = last_cell_;
   detail::require_finite(x);
-  // The static bound holds for points within the box of the set only.
+  // The static bound holds for points within the box of the set only, and x need not lie on the set's lattice.
   const bool in_box = (box_min_.array() <= x.array()).all() && (x.array() <= box_max_.array()).all();
-  return walk({x.x(), x.y(), x.z(), 0.0}, hint, in_box ? bounds_.orientation : INFINITY);
+  detail::StaticBounds bounds;
+  if (in_box) bounds.orientation = bounds_.orientation;
+  return walk({x.x(), x.y(), x.z(), 0.0}, hint, bounds);
 }
 
 namespace detail {

@@ -187,7 +187,7 @@ class RegularTriangulation {
   Index insert_vertex(Index v, Index hint);
 
   bool in_conflict(Index c, const WeightedPoint& q) const;
-  Index walk(const WeightedPoint& q, Index start, double orientation_bound) const;
+  Index walk(const WeightedPoint& q, Index start, const detail::StaticBounds& bounds) const;
   void dig_cavity(Index start, const WeightedPoint& q);
   void collect_cavity_vertices();
   Index fill_cavity(Workspace& work, Index v);
@@ -245,6 +245,7 @@ class RegularTriangulation {
   Vec3 box_min_ = Vec3::Constant(INFINITY);
   Vec3 box_max_ = Vec3::Constant(-INFINITY);
   double weight_min_ = INFINITY, weight_max_ = -INFINITY;
+  detail::ExactScale scale_;  ///< the lattice all points lie on
   detail::StaticBounds bounds_;
 
   // Hidden points of a cell form a singly linked list. Both arrays stay empty until a point hides.

@@ -17,6 +17,7 @@ using detail::slot;
 
 void RegularTriangulation::remove(Index v) {
   require_present(v);
+  detail::require_exact_arithmetic();
   hidden_by_last_.clear();
   if (dimension_ < 3) {
     forget(v);
@@ -56,7 +57,7 @@ void RegularTriangulation::reinsert(Index v, const Vec3& position, double weight
   hidden_by_last_.clear();
   points_[slot(v)] = {position.x(), position.y(), position.z(), weight};
   grow_bounds(point(v));
-  bounds_ = detail::StaticBounds::for_box(box_max_ - box_min_, weight_max_ - weight_min_);
+  bounds_ = detail::StaticBounds::for_set(box_max_ - box_min_, weight_max_ - weight_min_, scale_.unit());
   state_[slot(v)] = VertexState::kVisible;
   --num_removed_;
   if (dimension_ < 3) {
@@ -105,7 +106,8 @@ void RegularTriangulation::rebuild_basis() {
   }
 }
 
-/// What is left lies in a plane: no cells, and every point waits.
+/// The vertices that are left lie in a plane: no cells, and every point waits. Points that were hidden may reach out of the plane:
+/// then all start over.
 void RegularTriangulation::flatten() {
   cells_.clear();
   mark_.clear();
@@ -114,13 +116,15 @@ void RegularTriangulation::flatten() {
   hidden_next_.clear();
   num_hidden_ = num_ghosts_ = 0;
   last_cell_ = kNone;
+  dimension_ = -1;
+  bool spans_space = false;
   for (Index v = 0; v < num_vertices(); ++v) {
     if (state(v) == VertexState::kRemoved) continue;
     state_[slot(v)] = VertexState::kVisible;
     vertex_cell_[slot(v)] = kNone;
+    spans_space = spans_space || extend_basis(v);
   }
-  dimension_ = 2;
-  rebuild_basis();
+  if (spans_space) bulk_insert(0, 1);
 }
 
 void RegularTriangulation::detach_hidden(Index v) {
@@ -142,6 +146,7 @@ void RegularTriangulation::place(Index v, Index hint) {
       for (const Index c : star) *std::find(cells_[slot(c)].vertex.begin(), cells_[slot(c)].vertex.end(), twin) = v;
       vertex_cell_[slot(v)] = std::exchange(vertex_cell_[slot(twin)], kNone);
       std::swap(state_[slot(v)], state_[slot(twin)]);
+      hidden_by_last_.push_back(twin);
       unplaced_.push_back(twin);
       return;
     }
@@ -201,10 +206,10 @@ Index RegularTriangulation::apex_of(const HoleFacet& facet) const {
   for (const Index u : cavity_vertices_) {
     if (std::find(facet.vertex.begin(), facet.vertex.end(), u) != facet.vertex.end()) continue;
     apex = &point(u);
-    if (orient3d(*corner[0], *corner[1], *corner[2], *corner[3], bounds_.orientation) <= 0) continue;
+    if (orient3d(*corner[0], *corner[1], *corner[2], *corner[3], bounds_) <= 0) continue;
     if (best != kInfinite) {
       apex = &point(best);
-      if (power_test(*corner[0], *corner[1], *corner[2], *corner[3], point(u), bounds_.power) < 0) continue;
+      if (power_test(*corner[0], *corner[1], *corner[2], *corner[3], point(u), bounds_) < 0) continue;
     }
     best = u;
   }

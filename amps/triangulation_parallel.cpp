@@ -114,7 +114,7 @@ class RegularTriangulation::ParallelWorker {
         if (f == entry) continue;
         const int* face = detail::kFaceCorners[f];
         if (orient3d(t_.point(here.vertex[slot(face[0])]), t_.point(here.vertex[slot(face[1])]),
-                     t_.point(here.vertex[slot(face[2])]), q, t_.bounds_.orientation) > 0) {
+                     t_.point(here.vertex[slot(face[2])]), q, t_.bounds_) > 0) {
           exit = f;
         }
       }

@@ -173,11 +173,11 @@ TEST_CASE("predicates vs rationals: orient3d and power_test") {
         p[3] = {some_ulps(rng, p[0].x + p[1].x - p[2].x), p[0].y + p[1].y - p[2].y, p[0].z + p[1].z - p[2].z, p[3].w};
       }
       const int expected = rational_orientation(p[0], p[1], p[2], p[3]);
-      wrong += amps::orient3d(p[0], p[1], p[2], p[3], INFINITY, orientation) != expected;
+      wrong += amps::orient3d(p[0], p[1], p[2], p[3], {}, orientation) != expected;
       if (expected == 0) continue;
       if (expected < 0) std::swap(p[0], p[1]);
       const int expected_power = rational_power(p[0], p[1], p[2], p[3], p[4]);
-      const int plain = amps::power_test<false>(p[0], p[1], p[2], p[3], p[4], INFINITY, power);
+      const int plain = amps::power_test<false>(p[0], p[1], p[2], p[3], p[4], {}, power);
       const int perturbed = amps::power_test(p[0], p[1], p[2], p[3], p[4]);
       wrong += plain != expected_power;
       wrong += perturbed == 0 || (expected_power != 0 && perturbed != expected_power);

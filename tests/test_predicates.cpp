@@ -82,8 +82,8 @@ WeightedPoint scaled(const WeightedPoint& p, int exponent) {
 }
 WeightedPoint translated(const WeightedPoint& p, double t) { return {p.x + t, p.y - 2 * t, p.z + 4 * t, p.w}; }
 
-// The oracle of the perturbation: small-integer sites, w − ε with the explicit ε below in units of 2^-kUnitBits, all in integers.
-// Degree 3 in D (Type C): ε of one rank must dominate every product with a smaller one, hence the wide steps.
+// The oracle of the perturbation: small-integer sites, w − ε with the explicit ε below in units of 2^-kUnitBits, all in
+// integers. Degree 3 in D (Type C): ε of one rank must dominate every product with a smaller one, hence the wide steps.
 constexpr int kUnitBits = 400;
 constexpr int kFirstEpsilon = 360;  // the dominant ε is 2^(kFirstEpsilon − kUnitBits)
 constexpr int kEpsilonStep = 60;
@@ -279,43 +279,49 @@ TEST_CASE("predicates: exact translations and scalings by powers of two keep eve
 }
 
 TEST_CASE("predicates: every stage decides some calls, and the stages agree") {
-  StageTally orientation, power;
+  StageTally orientation, power, unperturbed;
   for (const Kind kind : kAllKinds) {
     CAPTURE(int(kind));
     Rng rng(4);
     std::vector<std::array<WeightedPoint, 5>> calls;
     Vec3 low = Vec3::Constant(INFINITY), high = -low;
     double weight_low = INFINITY, weight_high = -INFINITY;
+    amps::detail::ExactScale scale;
     for (int k = 0; k < 2000; ++k) {
       calls.push_back(distinct_sites<5>(rng, kind));
       for (const WeightedPoint& p : calls.back()) {
         low = low.cwiseMin(p.position());
         high = high.cwiseMax(p.position());
+        for (const double x : {p.x, p.y, p.z}) scale.coordinate(x);
+        scale.weight(p.w);
         weight_low = std::min(weight_low, p.w);
         weight_high = std::max(weight_high, p.w);
       }
     }
-    const StaticBounds bounds = StaticBounds::for_box(high - low, weight_high - weight_low);
+    const StaticBounds bounds = StaticBounds::for_set(high - low, weight_high - weight_low, scale.unit());
     for (const auto& p : calls) {
       Stage stage;
       const int exact_orientation = amps::detail::orient3d_exact(p[0], p[1], p[2], p[3], stage);
-      REQUIRE(amps::orient3d(p[0], p[1], p[2], p[3], bounds.orientation, orientation) == exact_orientation);
+      REQUIRE(amps::orient3d(p[0], p[1], p[2], p[3], bounds, orientation) == exact_orientation);
       REQUIRE(amps::orient3d(p[0], p[1], p[2], p[3]) == exact_orientation);
       if (exact_orientation <= 0) continue;
       const WeightedPoint* const cell[4] = {&p[0], &p[1], &p[2], &p[3]};
       const int exact_power = amps::detail::power_test_exact(cell, p[4], stage);
       REQUIRE(amps::power_test<false>(p[0], p[1], p[2], p[3], p[4]) == exact_power);
-      const int perturbed = amps::power_test(p[0], p[1], p[2], p[3], p[4], bounds.power, power);
+      const int perturbed = amps::power_test(p[0], p[1], p[2], p[3], p[4], bounds, power);
       REQUIRE(perturbed == amps::power_test(p[0], p[1], p[2], p[3], p[4]));
+      REQUIRE(amps::power_test<false>(p[0], p[1], p[2], p[3], p[4], bounds, unperturbed) == exact_power);
       REQUIRE((exact_power == 0 || exact_power == perturbed));
     }
   }
-  for (const Stage stage : {Stage::kStatic, Stage::kFilter, Stage::kExactNarrow, Stage::kExactMiddle, Stage::kExactWide}) {
+  for (const Stage stage :
+       {Stage::kStatic, Stage::kFilter, Stage::kExactDouble, Stage::kExactNarrow, Stage::kExactMiddle, Stage::kExactWide}) {
     CAPTURE(int(stage));
     CHECK(orientation[stage] > 0);
-    CHECK(power[stage] > 0);
+    CHECK(unperturbed[stage] > 0);
   }
   CHECK(orientation[Stage::kSymbolic] == 0);
+  CHECK(unperturbed[Stage::kSymbolic] == 0);
   CHECK(power[Stage::kSymbolic] > 0);
 }
 
