@@ -91,8 +91,8 @@ class RegularTriangulation {
   /// Points that the last single insertion (or reinsert) hid: the new one itself, or vertices it dominates.
   const std::vector<Index>& hidden_by_last_insertion() const { return hidden_by_last_; }
 
-  /// Neighbours of the vertex that the last single insertion made, kInfinite included, in no particular order. Meaningless if
-  /// it was hidden or dimension() < 3.
+  /// Neighbours of the vertex that the last insert() of one point (not reinsert) made, kInfinite included, in no particular
+  /// order. Meaningless if it was hidden or dimension() < 3.
   const std::vector<Index>& neighbors_of_last_insertion() const { return cavity_vertices_; }
 
   /// −1 empty, 0 all at one position, 1 on a line, 2 in a plane, 3 proper: only then are there cells.
