@@ -165,6 +165,15 @@ inline std::uint64_t scramble(std::uint64_t z) noexcept {
 /// An Index that is known not to be negative, as a position in a std container.
 inline std::size_t slot(Index i) noexcept { return static_cast<std::size_t>(i); }
 
+/// Asks for a cache line that will be read soon; nothing where the compiler has no word for it.
+inline void prefetch(const void* p) noexcept {
+#if defined(__GNUC__) || defined(__clang__)
+  __builtin_prefetch(p);
+#else
+  static_cast<void>(p);
+#endif
+}
+
 /// Wall-clock seconds since construction or the last lap().
 class Stopwatch {
  public:

@@ -197,6 +197,32 @@ double mantissa_exponent(const Int<N>& a, int& exponent) noexcept {
   return negative ? -v : v;
 }
 
+#if defined(__SIZEOF_INT128__)
+#define AMPS_HAS_INT128 1
+__extension__ typedef __int128 Int128;
+
+/// A factor of up to 60 bits, and what becomes of products of two and of three of them in the machine's own words: four times
+/// as fast as Int<1> and its products.
+struct Factor {
+  std::int64_t value;
+};
+/// high·2^64 + low, for sums of a few products of three factors.
+struct Product3 {
+  Int128 high, low;
+  friend Product3 operator+(const Product3& a, const Product3& b) noexcept { return {a.high + b.high, a.low + b.low}; }
+  friend Product3 operator-(const Product3& a, const Product3& b) noexcept { return {a.high - b.high, a.low - b.low}; }
+};
+inline Int128 operator*(Factor a, Factor b) noexcept { return Int128{a.value} * b.value; }
+inline Product3 operator*(Factor a, Int128 b) noexcept {
+  return {Int128{a.value} * static_cast<std::int64_t>(b >> 64), Int128{a.value} * Int128{static_cast<std::uint64_t>(b)}};
+}
+inline Int<2> to_limbs(Int128 a) noexcept { return {{static_cast<std::uint64_t>(a), static_cast<std::uint64_t>(a >> 64)}}; }
+inline Int<3> to_limbs(const Product3& a) noexcept {
+  const Int128 high = a.high + (a.low >> 64);
+  return {{static_cast<std::uint64_t>(a.low), static_cast<std::uint64_t>(high), static_cast<std::uint64_t>(high >> 64)}};
+}
+#endif
+
 // ---------------------------------------------------------------------------------------------------------------------------
 // From doubles to integers
 

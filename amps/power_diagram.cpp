@@ -57,15 +57,6 @@ class SideFilter {
   double weights_, gradient_, weight_error_;
 };
 
-/// Asks for a cache line that will be read soon; nothing where the compiler has no word for it.
-inline void prefetch(const void* p) noexcept {
-#if defined(__GNUC__) || defined(__clang__)
-  __builtin_prefetch(p);
-#else
-  static_cast<void>(p);
-#endif
-}
-
 /// Order of a site's planes; ties by site, so that nothing depends on the sort.
 template <class Plane>
 bool nearer_plane(const Plane& a, const Plane& b) noexcept {

@@ -109,35 +109,114 @@ int orient3d_exact(const WeightedPoint& a, const WeightedPoint& b, const Weighte
   });
 }
 
-int power_test_exact(const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage) noexcept {
+#ifdef AMPS_HAS_INT128
+namespace {
+
+/// Four differences of one coordinate as integers of at most 59 bits, all times `scale`; false if rounding to double has made
+/// one inexact (the error term of Knuth's TwoSum) or they span more powers of two than that.
+bool as_factors(const Column& difference, double WeightedPoint::*coordinate, const WeightedPoint* const p[4],
+                const WeightedPoint& q, double scale, Factor (&row)[4][3], int column) noexcept {
+  bool exact = true;
+  for (int k = 0; k < 4; ++k) {
+    const double a = p[k]->*coordinate, b = q.*coordinate, d = difference[k], back = a - d, scaled = d * scale;
+    row[k][column].value = static_cast<std::int64_t>(scaled);
+    exact = exact & ((a - (d + back)) + (back - b) == 0) & (static_cast<double>(row[k][column].value) == scaled);
+  }
+  return exact;
+}
+
+/// The same for the difference of two weights, times scale².
+bool as_integer(double difference, double a, double b, double scale, Int128& result) noexcept {
+  const double back = a - difference, scaled = difference * scale * scale;
+  if (!((a - (difference + back)) + (back - b) == 0 && std::fabs(scaled) < 0x1p119)) return false;
+  result = static_cast<Int128>(scaled);
+  return static_cast<double>(result) == scaled;
+}
+
+/// The value to within 2^-51 of itself and 2^76: limb 0 and a bit of limb 1 are left out, the others rounded.
+double approximately(const Int<3>& a) noexcept {
+  return static_cast<double>(static_cast<std::int64_t>(a.limb[2])) * 0x1p128 +
+         static_cast<double>(static_cast<std::int64_t>(a.limb[1] >> 1)) * 0x1p65;
+}
+
+/// The power test where it fits the machine's integers: d of 59 bits, h of 121, minors of 181, all of it 304 of 320 bits. False
+/// if it does not.
+bool power_test_in_words(const PowerRows& rows, const WeightedPoint* const p[4], const WeightedPoint& q, int& sign,
+                         std::array<int, 4>& minor_signs) noexcept {
+  const double largest = std::max({rows.x.largest(), rows.y.largest(), rows.z.largest()});
+  if (!(largest < kFilterMax && largest > kFilterMin)) return false;
+  int exponent;
+  std::frexp(largest, &exponent);
+  const double scale = std::ldexp(1.0, 59 - exponent);
+  Factor d[4][3];
+  if (!as_factors(rows.x, &WeightedPoint::x, p, q, scale, d, 0) || !as_factors(rows.y, &WeightedPoint::y, p, q, scale, d, 1) ||
+      !as_factors(rows.z, &WeightedPoint::z, p, q, scale, d, 2)) {
+    return false;
+  }
+  const auto minor = volume_minors(d);
+  std::array<Int<3>, 4> m;
+  for (std::size_t k = 0; k < 4; ++k) m[k] = to_limbs(minor[k]);
+
+  // With exact minors doubles settle the rest for nearly all of a cospherical set: what cancels in the sum is h, not the minors.
+  // Roundings: h 4, m 3, product 1, sums 3; 2^128 covers the absolute part of m's.
+  double value = 0, magnitude = 0;
+  for (int k = 0; k < 4; ++k) {
+    const double v = approximately(m[slot(k)]);
+    value += (k % 2 == 0 ? rows.h[k] : -rows.h[k]) * v;
+    magnitude += (rows.h[k] + 2 * std::fabs(rows.w[k])) * (std::fabs(v) + 0x1p128);
+  }
+  const double bound = 32 * kUnitRoundoff * magnitude;
+  if (value > bound || -value > bound) {
+    sign = value > 0 ? 1 : -1;
+    return true;
+  }
+
+  std::array<Int<2>, 4> h;
+  for (int k = 0; k < 4; ++k) {
+    Int128 weight = 0;
+    if (rows.w[k] != 0 && !as_integer(rows.w[k], q.w, p[k]->w, scale, weight)) return false;
+    h[slot(k)] = to_limbs(d[k][0] * d[k][0] + d[k][1] * d[k][1] + d[k][2] * d[k][2] + weight);
+  }
+  for (std::size_t k = 0; k < 4; ++k) minor_signs[k] = m[k].sign();
+  sign = power_determinant(h, m).sign();
+  return true;
+}
+
+}  // namespace
+#endif
+
+int power_test_exact(const PowerRows& rows, const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage,
+                     std::array<int, 4>& minor_signs) noexcept {
+#ifdef AMPS_HAS_INT128
+  int sign;
+  if (power_test_in_words(rows, p, q, sign, minor_signs)) {
+    stage = Stage::kExactMachine;
+    return sign;
+  }
+#else
+  static_cast<void>(rows);
+#endif
+  return power_test_in_limbs(p, q, stage, minor_signs);
+}
+
+int power_test_in_limbs(const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage,
+                        std::array<int, 4>& minor_signs) noexcept {
   ExactScale scale;
   for (int k = 0; k < 4; ++k) include_site(scale, *p[k]);
   include_site(scale, q);
   return with_exact_width(scale, stage, [&](auto width) {
     constexpr int N = decltype(width)::value;
     Int<N> d[4][3];
-    Int<2 * N> h[4];
+    std::array<Int<2 * N>, 4> h;
     const Int<2 * N> wq = to_int<2 * N>(q.w, 2 * scale.unit());
     for (int k = 0; k < 4; ++k) {
       exact_difference<N>(*p[k], q, scale.unit(), d[k]);
-      h[k] = d[k][0] * d[k][0] + d[k][1] * d[k][1] + d[k][2] * d[k][2] + (wq - to_int<2 * N>(p[k]->w, 2 * scale.unit()));
+      h[slot(k)] = d[k][0] * d[k][0] + d[k][1] * d[k][1] + d[k][2] * d[k][2] + (wq - to_int<2 * N>(p[k]->w, 2 * scale.unit()));
     }
-    return power_determinant(h, d).sign();
+    const auto minor = volume_minors(d);
+    for (std::size_t k = 0; k < 4; ++k) minor_signs[k] = minor[k].sign();
+    return power_determinant(h, minor).sign();
   });
-}
-
-int power_test_symbolic(const WeightedPoint* const p[4], const WeightedPoint& q, const StaticBounds& bounds) noexcept {
-  // The determinant gains Σ ε_k·C_k − ε_q·ΣC_k, where C_k is the orientation of the cell with p_k replaced by q, and ΣC_k that
-  // of the cell itself, positive: the first non-zero coefficient in order of dominance decides, at q at the latest.
-  const auto order = by_dominance<5>({p[0], p[1], p[2], p[3], &q});
-  for (const int k : order) {
-    if (k == 4) return -1;
-    const WeightedPoint* cell[4] = {p[0], p[1], p[2], p[3]};
-    cell[k] = &q;
-    const int sign = orient3d(*cell[0], *cell[1], *cell[2], *cell[3], bounds);
-    if (sign != 0) return sign;
-  }
-  return -1;
 }
 
 }  // namespace detail

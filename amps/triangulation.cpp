@@ -377,7 +377,10 @@ void RegularTriangulation::dig_cavity(Index start, const WeightedPoint& q) {
       std::uint8_t& mark = mark_[slot(beyond >> 2)];
       if (mark == kUntested) {
         mark = in_conflict(beyond >> 2, q) ? kInConflict : kOutside;
-        if (mark == kInConflict) work_.conflict.push_back(beyond >> 2);
+        if (mark == kInConflict) {
+          work_.conflict.push_back(beyond >> 2);
+          prefetch_neighbors(beyond >> 2);
+        }
       }
       if (mark == kOutside) work_.boundary.push_back({4 * c + f, beyond});
     }

@@ -144,7 +144,10 @@ class RegularTriangulation::ParallelWorker {
         std::uint8_t& mark = t_.mark_[slot(beyond >> 2)];
         if (mark == kUntested) {
           mark = t_.in_conflict(beyond >> 2, q) ? kInConflict : kOutside;
-          if (mark == kInConflict) work_.conflict.push_back(beyond >> 2);
+          if (mark == kInConflict) {
+            work_.conflict.push_back(beyond >> 2);
+            t_.prefetch_neighbors(beyond >> 2);
+          }
         }
         if (mark == kOutside) work_.boundary.push_back({4 * c + f, beyond});
       }
