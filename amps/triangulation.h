@@ -207,12 +207,14 @@ class RegularTriangulation {
   Index insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve, unsigned threads,
                            std::vector<Index>& rest);
 
-  // Removal (triangulation_edit.cpp). A facet of the hole's border, as the cell that it is to get: one corner, in `slot`, is
-  // kNone.
+  // Removal (triangulation_edit.cpp).
+  /// A facet of the hole's border, as the cell that it is to get: one corner, in `slot`, is kNone. Corners are numbers in the link.
   struct HoleFacet {
     std::array<Index, 4> vertex;
+    std::array<Index, 3> key;  ///< the corners, ascending
     int slot;
     Index outside;  ///< 4·cell + face on the far side
+    void set_key();
   };
   void require_present(Index v) const;
   static void require_finite_point(const Vec3& position, double weight);
@@ -220,11 +222,14 @@ class RegularTriangulation {
   void rebuild_basis();
   void flatten();
   void place(Index v, Index hint);
+  void collect_star(Index v);
   void open_hole(Index v);
-  Index apex_of(const HoleFacet& facet) const;
-  void wrap_hole();
+  Index add_hole_cell(const std::array<Index, 4>& corner);
   void glue(Index face, Index other);
-  void meet_face(Index c, int k);
+  void wrap_hole();
+  Index apex_of(const HoleFacet& facet) const;
+  void meet_face(const std::array<Index, 4>& corner, Index c, int k);
+  bool fill_hole_from_link(Index v);
   void detach_hidden(Index v);
 
   void hide(Index v, VertexState state);
@@ -266,6 +271,7 @@ class RegularTriangulation {
   std::vector<Index> uncovered_;  ///< hidden points of a hole
   std::vector<HoleFacet> open_facets_, open_ghost_facets_;
   std::vector<Index> cavity_vertices_;
+  std::vector<WeightedPoint> link_;
   Workspace work_;
 };
 

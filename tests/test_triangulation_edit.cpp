@@ -695,6 +695,51 @@ TEST_CASE("triangulation edit: a vertex of degree 600 in the middle of a sphere 
   }
 }
 
+TEST_CASE("triangulation edit: hubs inside, on the hull and over a flat link, with all that they hide, go and come back") {
+  Rng rng(41);
+  const auto around = [&rng](double height, double weight_range, bool lattice) {
+    Sites sites;
+    for (int k = 0; k < 300; ++k) {
+      const double x = rng.uniform(), y = rng.uniform();
+      if (lattice) {
+        sites.push_back({double(k % 18), double(k / 18), 0, 0});
+      } else {
+        sites.push_back({x, y, height * (x * x + y * y), weight_range * rng.uniform()});
+      }
+    }
+    return sites;
+  };
+  struct Case {
+    Sites sites;
+    WeightedPoint hub;
+    Index least_degree;
+  };
+  std::vector<Case> cases;
+  cases.push_back({around(0, 0, true), {9, 9, 30, 0}, 200});      // apex over a plane: without it, and a point below, all is flat
+  cases.push_back({around(0, 0, false), {0.5, 0.5, 40, 0}, 200});
+  cases.push_back({around(0.3, 0, false), {0.5, 0.5, -40, 0}, 100});
+  cases.push_back({around(0.3, 1e-3, false), {0.5, 0.5, 40, 0}, 60});
+  cases.push_back({around(0.3, 0, false), {0.5, 0.5, 2, 3.9}, 8});  // heavy: hides points
+  for (const bool with_one_below : {false, true}) {
+    for (Case& entry : cases) {
+      Sites sites = entry.sites;
+      if (with_one_below) sites.push_back({0.4, 0.6, -1, 0});
+      RegularTriangulation t = built(sites);
+      const CellSet before = cell_set(t);
+      const Index hub = t.insert(entry.hub.position(), entry.hub.w);
+      require_rebuilt(t);
+      std::vector<Index> around_hub;
+      t.neighbors(hub, around_hub);
+      REQUIRE(static_cast<Index>(around_hub.size()) > std::min(entry.least_degree, with_one_below ? 48 : 300));
+      t.remove(hub);
+      require_rebuilt(t);
+      REQUIRE(cell_set(t) == before);
+      t.reinsert(hub, entry.hub.position(), entry.hub.w);
+      remove_all(t, shuffled(rng, live_ids(t)), 60);
+    }
+  }
+}
+
 TEST_CASE("triangulation edit: bad calls are refused and change nothing") {
   Rng rng(13);
   const Sites solid = make(60, [&] { return in_cube(rng, 0.1); });
