@@ -102,17 +102,22 @@ void RegularTriangulation::append_points(const PointsView& positions, const doub
   }
   state_.resize(total, VertexState::kVisible);
   vertex_cell_.resize(total, kNone);
-  bounds_ = detail::StaticBounds::for_set(box_max_ - box_min_, weight_max_ - weight_min_, scale_.unit());
 }
 
 void RegularTriangulation::grow_bounds(const WeightedPoint& p) {
-  box_min_ = box_min_.cwiseMin(p.position());
-  box_max_ = box_max_.cwiseMax(p.position());
+  const int unit = scale_.unit();
   for (const double x : {p.x, p.y, p.z}) scale_.coordinate(x);
   scale_.weight(p.w);
+  const Vec3 x = p.position();
+  const bool within = (box_min_.array() <= x.array()).all() && (x.array() <= box_max_.array()).all() && weight_min_ <= p.w &&
+                      p.w <= weight_max_;
+  if (within && scale_.unit() == unit) return;
+  box_min_ = box_min_.cwiseMin(x);
+  box_max_ = box_max_.cwiseMax(x);
   weight_min_ = std::min(weight_min_, p.w);
   weight_max_ = std::max(weight_max_, p.w);
   weights_vary_ = weight_min_ < weight_max_;
+  bounds_ = detail::StaticBounds::for_set(box_max_ - box_min_, weight_max_ - weight_min_, scale_.unit());
 }
 
 /// Adds v to the basis if it is affinely independent of it; true once that completes a simplex with v.
@@ -401,14 +406,16 @@ std::uint32_t RegularTriangulation::next_stamp(Workspace& work) const {
 /// Lists the vertices on the cavity's boundary, and hides those inside: the new point dominates them.
 void RegularTriangulation::collect_cavity_vertices() {
   cavity_vertices_.clear();
+  cavity_facet_of_.clear();
   const std::uint32_t stamp = next_stamp(work_);
-  for (const BoundaryFacet& facet : work_.boundary) {
-    const Cell& c = cell(facet.inside >> 2);
-    for (int k = 0; k < 4; ++k) {
+  for (std::size_t n = 0; n < work_.boundary.size(); ++n) {
+    const Cell& c = cell(work_.boundary[n].inside >> 2);
+    for (const int k : kFaceCorners[work_.boundary[n].inside & 3]) {
       const Index u = c.vertex[slot(k)];
-      if (k == (facet.inside & 3) || work_.local[slot(u + 2)] == stamp) continue;
+      if (work_.local[slot(u + 2)] == stamp) continue;
       work_.local[slot(u + 2)] = stamp;
       cavity_vertices_.push_back(u);
+      cavity_facet_of_.push_back(n);
     }
   }
   if (!weights_vary_) return;
@@ -435,15 +442,18 @@ Index RegularTriangulation::fill_cavity(Workspace& work, Index v) {
     // Read before writing: in parallel, cells that nobody owns are never marked and must not be written to.
     if (mark_[slot(facet.outside >> 2)] != kUntested) mark_[slot(facet.outside >> 2)] = kUntested;
     facet.inside = 4 * c + k;
-    if (bulk_) continue;  // finish_bulk does the rest once for all cells
-    for (const Index u : cell.vertex) {
-      if (u != kInfinite) vertex_cell_[slot(u)] = c;
+    if (!bulk_) ++(cell.ghost() ? num_ghosts_ : num_finite_);
+  }
+  if (!bulk_) {  // else finish_bulk does this once for all cells
+    for (std::size_t k = 0; k < cavity_vertices_.size(); ++k) {
+      const Index u = cavity_vertices_[k];
+      if (u != kInfinite) vertex_cell_[slot(u)] = work.boundary[cavity_facet_of_[k]].inside >> 2;
     }
-    ++(cell.ghost() ? num_ghosts_ : num_finite_);
+    vertex_cell_[slot(v)] = work.boundary.front().inside >> 2;
+    for (const Index old : work.conflict) --(cells_[slot(old)].ghost() ? num_ghosts_ : num_finite_);
   }
   for (const Index old : work.conflict) {
     Cell& dead = cells_[slot(old)];
-    if (!bulk_) --(dead.ghost() ? num_ghosts_ : num_finite_);
     dead.vertex[0] = kNone;
     mark_[slot(old)] = kUntested;
     work.free_cells.push_back(old);
@@ -706,18 +716,26 @@ Index RegularTriangulation::power_nearest(const Vec3& x, Index near) const {
     }
     return best;
   }
-  if (near < 0 || near >= num_vertices() || !is_vertex(near)) near = cell(last_cell_).vertex[0];
-  // If v is not the nearest, the segment from its power cell to x leaves through a bisector whose other site is nearer.
-  std::vector<Index> around;
-  for (Index best = near;;) {
-    neighbors(best, around);
-    Index next = best;
-    for (const Index u : around) {
-      if (detail::nearer_in_power(x, point(u), point(next))) next = u;
-    }
-    if (next == best) return best;
-    best = next;
+  Index best = near;
+  const auto improve = [&](Index u) { best = detail::nearer_in_power(x, point(u), point(best)) ? u : best; };
+  if (near < 0 || near >= num_vertices() || !is_vertex(near)) {
+    // From cell to cell is faster than from vertex to vertex.
+    const Cell& home = cell(locate(x));
+    best = home.vertex[0];
+    for (std::size_t k = 1; k < (home.ghost() ? 3u : 4u); ++k) improve(home.vertex[k]);
   }
+  // If v is not the nearest, the segment from its power cell to x leaves through a bisector whose other site is nearer.
+  std::vector<Index> star;
+  for (Index from = kNone; from != best;) {
+    from = best;
+    incident_cells(from, star);
+    for (const Index c : star) {
+      for (const Index u : cell(c).vertex) {
+        if (u != kInfinite && u != best) improve(u);
+      }
+    }
+  }
+  return best;
 }
 
 // ---------------------------------------------------------------------------------------------------------------------------

@@ -8,10 +8,24 @@
 // the weighted points alone, not of their order, and no cell is ever flat. Of points with equal positions the greatest weight
 // wins and hides the others; with equal weights too the one with the lowest id stays and the others are duplicates.
 //
+//   amps::RegularTriangulation t(positions, weights);          // #P by 3, #P; a third argument: threads
+//   for (amps::Index c = 0; c < t.cell_capacity(); ++c) {
+//     if (!t.cell(c).alive() || t.cell(c).ghost()) continue;   // a ghost stands on a facet of the hull
+//     visit(t.cell(c).vertex);                                 // four rows of `positions`, positively oriented
+//   }
+//   const amps::Index v = t.insert({0.5, 0.5, 0.5}, 0.01);     // its id
+//   t.move(v, {0.6, 0.5, 0.5}, 0.02);
+//   t.remove(v);                                               // the cells are again those of `positions`
+//
 // How. Incremental insertion (Bowyer 1981, Watson 1981) with a ghost vertex at infinity; bulk input is sorted into rounds of
 // growing size (BRIO: Amenta, Choi & Rote 2003), each along a Hilbert curve; single points are located by a visibility walk.
-// Expected O(n log n) for bulk input, O(1) an insertion with a good hint on evenly spread points. Memory: 32 bytes a cell
-// (about 6.7 cells a point in a volume), 37 bytes a point.
+// Several threads own intervals of that curve (Marot, Pellerin & Remacle 2019; triangulation_parallel.cpp). A removed vertex
+// leaves a hole that the triangulation of its link fills (Devillers & Teillaud 2011; triangulation_edit.cpp).
+//
+// Cost. Expected O(n log n) for bulk input; single insertion with a good hint, removal, and a move cost O(1) expected on
+// evenly spread points, O(d log d) for a vertex of degree d in general; O(n²) cells in the worst case, as the size of the
+// result. Memory: 33 bytes a cell (6.7 cells a point in a volume, 2.5 on a sphere, 17 for random points on a torus) and 41
+// bytes a point, 4 more for each once points hide; 300 bytes a point in a volume at its peak.
 //
 // Limits. 2^29 cells. Any finite doubles. Degenerate sets (all points on one plane, line or point) have no cells; dimension()
 // says so, and insertion goes on from there.
@@ -80,15 +94,16 @@ class RegularTriangulation {
   Index insert(const Vec3& position, double weight, Index hint = kNone);
 
   /// Takes a point out, in any order down to none; what it had hidden comes back. Ids of other points stay valid, and no id is
-  /// given out again except by reinsert(). Throws Error(kInvalidArgument) if there is no such point. O(d²) exact tests for a
-  /// vertex of degree d, most of them by their filter: d is 15 on average.
+  /// given out again except by reinsert(). Throws Error(kInvalidArgument) if there is no such point. O(d log d) for a vertex of
+  /// degree d; d is 15 on average in a volume.
   void remove(Index v);
   /// Puts a removed id back to use. Errors as insert(), and kInvalidArgument if v is not a removed id.
   void reinsert(Index v, const Vec3& position, double weight, Index hint = kNone);
   /// Removes v and reinserts it elsewhere or with another weight; nothing happens if nothing differs.
   void move(Index v, const Vec3& position, double weight);
 
-  /// Points that the last single insertion (or reinsert) hid: the new one itself, or vertices it dominates.
+  /// Points that the last insert() of one point, reinsert() or move() hid: the new one itself, or vertices it dominates. After
+  /// remove(): meaningless.
   const std::vector<Index>& hidden_by_last_insertion() const { return hidden_by_last_; }
 
   /// Neighbours of the vertex that the last insert() of one point (not reinsert) made, kInfinite included, in no particular
@@ -271,6 +286,7 @@ class RegularTriangulation {
   std::vector<Index> uncovered_;  ///< hidden points of a hole
   std::vector<HoleFacet> open_facets_, open_ghost_facets_;
   std::vector<Index> cavity_vertices_;
+  std::vector<std::size_t> cavity_facet_of_;  ///< one facet of each, in the boundary
   std::vector<WeightedPoint> link_;
   Workspace work_;
 };

@@ -66,7 +66,6 @@ void RegularTriangulation::reinsert(Index v, const Vec3& position, double weight
   hidden_by_last_.clear();
   points_[slot(v)] = {position.x(), position.y(), position.z(), weight};
   grow_bounds(point(v));
-  bounds_ = detail::StaticBounds::for_set(box_max_ - box_min_, weight_max_ - weight_min_, scale_.unit());
   state_[slot(v)] = VertexState::kVisible;
   --num_removed_;
   if (dimension_ < 3) {
