@@ -62,12 +62,13 @@ void radix_sort(std::vector<KeyedIndex>& items, int bits) {
 }
 
 constexpr double kRoundRatio = 5.5;        // growth of the rounds: larger favours volumes (walks), smaller surfaces with hubs (cavities)
+constexpr std::size_t kSortGrain = 1 << 14;
 constexpr std::size_t kFirstRound = 2048;  // below this a further round costs more than its better hints save
 
 /// Sorts order[begin, end) along the Hilbert curve of its own bounding box, in rounds if those are asked for; groups that fall
 /// into one grid cell are sorted again by themselves, so clusters at any scale end up in order.
 void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& order, std::size_t begin, std::size_t end,
-                  InsertionOrder* rounds) {
+                  InsertionOrder* rounds, unsigned threads) {
   constexpr std::size_t kSmallGroup = 16;
   const std::size_t n = end - begin;
   if (rounds != nullptr) {
@@ -97,8 +98,7 @@ void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& 
   }
   const double cells = static_cast<double>(1u << levels);
   std::vector<KeyedIndex> items(n);
-  for (std::size_t k = 0; k < n; ++k) {
-    const Index index = order[begin + k];
+  const auto keyed = [&](Index index) -> KeyedIndex {
     const WeightedPoint& p = points[static_cast<std::size_t>(index)];
     const double x[3] = {p.x, p.y, p.z};
     unsigned grid[3];
@@ -120,8 +120,11 @@ void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& 
       for (; round > 0 && u < 1 / kRoundRatio; --round) u *= kRoundRatio;
       key |= static_cast<std::uint64_t>(round) << (3 * levels);
     }
-    items[k] = {key, index};
-  }
+    return {key, index};
+  };
+  parallel_for(n, kSortGrain, threads, [&](std::size_t from, std::size_t to) {
+    for (std::size_t k = from; k < to; ++k) items[k] = keyed(order[begin + k]);
+  });
   int bits = 3 * levels;
   for (int k = round_count - 1; k > 0; k >>= 1) ++bits;
   radix_sort(items, bits);
@@ -140,16 +143,16 @@ void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& 
   for (std::size_t k = 0; k < n;) {
     std::size_t group_end = k + 1;
     while (group_end < n && items[group_end].key == items[k].key) ++group_end;
-    if (group_end - k < n) hilbert_sort(points, order, begin + k, begin + group_end, nullptr);
+    if (group_end - k < n) hilbert_sort(points, order, begin + k, begin + group_end, nullptr, 1);
     k = group_end;
   }
 }
 
 }  // namespace
 
-InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids) {
+InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids, unsigned threads) {
   InsertionOrder result;
-  hilbert_sort(points, ids, 0, ids.size(), &result);
+  hilbert_sort(points, ids, 0, ids.size(), &result, threads);
   result.ids = std::move(ids);
   return result;
 }

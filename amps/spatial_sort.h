@@ -16,7 +16,7 @@ struct InsertionOrder {
   std::vector<std::uint32_t> curve;  ///< by position in `ids`: the point's place along one curve for all rounds
 };
 
-/// The order for the given points; a function of the points and their ids alone. O(n).
-InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids);
+/// The order for the given points; a function of the points and their ids alone, whatever the number of threads. O(n).
+InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids, unsigned threads = 1);
 
 }  // namespace amps::detail

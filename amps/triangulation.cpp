@@ -147,7 +147,7 @@ void RegularTriangulation::bulk_insert(Index first, unsigned threads) {
   std::vector<Index> id_of_rank, removed;
   id_of_rank.reserve(points_.size() - slot(first));
   for (Index v = first; v < num_vertices(); ++v) (state(v) == VertexState::kRemoved ? removed : id_of_rank).push_back(v);
-  detail::InsertionOrder order = detail::insertion_order(points_, std::move(id_of_rank));
+  detail::InsertionOrder order = detail::insertion_order(points_, std::move(id_of_rank), threads);
   id_of_rank = std::move(order.ids);
 
   if (dimension_ < 3) {
@@ -188,11 +188,11 @@ void RegularTriangulation::build(detail::InsertionOrder& order, Index count, uns
   mark_.reserve(expected_cells);
   bulk_ = true;
   Index next = first;
-  bool alone = false;
+  bool in_pieces = false;
   if (dimension_ < 3) {
     start_simplex({first, first + 1, first + 2, first + 3});
     next = first + 4;
-    alone = first == 0;  // then all vertices have a place on the curve, as parallel insertion needs
+    in_pieces = first == 0;  // then all vertices have a place on the curve, as parallel insertion needs
   }
   const auto insert_rank = [&](Index v) {
     last_cell_ = insert_vertex(v, last_cell_);
@@ -200,9 +200,12 @@ void RegularTriangulation::build(detail::InsertionOrder& order, Index count, uns
   };
   for (Index round_end : order.round_ends) {
     round_end += first;
+    const Index round_begin = next;
     std::vector<Index> rest;
-    if (alone && threads != 1 && next < round_end) {
+    if (in_pieces && threads != 1 && next < round_end) {
       next = insert_in_parallel(next, round_end, order.curve, threads, rest);
+      // Where long cells join the pieces (random points on a surface) most insertions are given up; it will not get better.
+      in_pieces = 4 * rest.size() < slot(round_end - round_begin);
       for (const Index v : rest) insert_rank(v);
       for (Index v = next; v < round_end; ++v) insert_rank(v);
       for (Index v = first; v < round_end && next == round_end; ++v) {
@@ -214,7 +217,7 @@ void RegularTriangulation::build(detail::InsertionOrder& order, Index count, uns
     next = round_end;
   }
   bulk_ = false;
-  finish_bulk(first, id_of_rank);
+  finish_bulk(first, id_of_rank, threads);
 }
 
 /// Of equal points the lowest id stays: the vertex in the cells takes it over.
@@ -226,17 +229,23 @@ void RegularTriangulation::settle_duplicate(Index rank, Index first, std::vector
 }
 
 /// Back from ranks to the caller's ids, and what insertion leaves undone in bulk: cells of vertices, hidden points, counts.
-void RegularTriangulation::finish_bulk(Index first, const std::vector<Index>& id_of_rank) {
+void RegularTriangulation::finish_bulk(Index first, const std::vector<Index>& id_of_rank, unsigned threads) {
   num_finite_ = num_ghosts_ = num_hidden_ = 0;
   for (Index v = 0; v < num_vertices(); ++v) {
     if (v >= first || state(v) == VertexState::kVisible) vertex_cell_[slot(v)] = kNone;
   }
+  constexpr std::size_t kCellGrain = 1 << 14;
+  parallel_for(cells_.size(), kCellGrain, threads, [&](std::size_t from, std::size_t to) {
+    for (std::size_t c = from; c < to; ++c) {
+      if (!cells_[c].alive()) continue;
+      for (Index& v : cells_[c].vertex) v = v >= first ? id_of_rank[slot(v - first)] : v;
+    }
+  });
   for (Index c = 0; c < cell_capacity(); ++c) {
-    Cell& here = cells_[slot(c)];
+    const Cell& here = cell(c);
     if (!here.alive()) continue;
     ++(here.ghost() ? num_ghosts_ : num_finite_);
-    for (Index& v : here.vertex) {
-      if (v >= first) v = id_of_rank[slot(v - first)];
+    for (const Index v : here.vertex) {
       if (v != kInfinite) vertex_cell_[slot(v)] = c;
     }
   }

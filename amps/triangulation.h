@@ -36,8 +36,12 @@
 #include "amps/base.h"
 #include "amps/predicates.h"
 
+#include <algorithm>
 #include <array>
+#include <memory>
 #include <string>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 namespace amps {
@@ -52,6 +56,23 @@ inline constexpr int kFaceCorners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 
 }  // namespace detail
 
 namespace detail {
+
+/// Leaves the elements that resize() adds as they are in memory: threads that fill them then share its page faults as well.
+template <class T>
+struct UninitializedAllocator : std::allocator<T> {
+  static_assert(std::is_trivially_copyable<T>::value, "has to be written before it is read, by assignment");
+  template <class U>
+  struct rebind {
+    using other = UninitializedAllocator<U>;
+  };
+  template <class U>
+  void construct(U*) noexcept {}
+  template <class U, class... Arguments>
+  void construct(U* at, Arguments&&... arguments) {
+    ::new (static_cast<void*>(at)) U(std::forward<Arguments>(arguments)...);
+  }
+};
+
 struct TriangulationTestAccess;  // defined by the tests, to corrupt a triangulation and see check() notice
 }  // namespace detail
 
@@ -198,7 +219,7 @@ class RegularTriangulation {
   void build(detail::InsertionOrder& order, Index count, unsigned threads);
   void settle_duplicate(Index rank, Index first, std::vector<Index>& id_of_rank);
   void bulk_insert(Index first, unsigned threads);
-  void finish_bulk(Index first, const std::vector<Index>& id_of_rank);
+  void finish_bulk(Index first, const std::vector<Index>& id_of_rank, unsigned threads);
   Index insert_vertex(Index v, Index hint);
 
   bool in_conflict(Index c, const WeightedPoint& q) const;
@@ -219,6 +240,7 @@ class RegularTriangulation {
   Index allocate_cell(Workspace& work);
 
   // Parallel bulk insertion (triangulation_parallel.cpp).
+  void clear_cells(Index begin, Index end) { std::fill(cells_.begin() + begin, cells_.begin() + end, Cell{}); }
   Index insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve, unsigned threads,
                            std::vector<Index>& rest);
 
@@ -259,7 +281,7 @@ class RegularTriangulation {
   std::vector<WeightedPoint> points_;
   std::vector<VertexState> state_;
   std::vector<Index> vertex_cell_;  ///< visible: an incident cell; hidden: the cell whose interior or boundary contains it
-  std::vector<Cell> cells_;         ///< a dead cell has vertex[0] == kNone
+  std::vector<Cell, detail::UninitializedAllocator<Cell>> cells_;  ///< a dead cell has vertex[0] == kNone
   int dimension_ = -1;
   std::array<Index, 3> basis_{kNone, kNone, kNone};  ///< affinely independent points, dimension_ + 1 of them while < 3
   Index num_hidden_ = 0;

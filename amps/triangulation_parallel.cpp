@@ -172,6 +172,7 @@ class RegularTriangulation::ParallelWorker {
       }
       work_.next_cell = chunk;
       work_.end_cell = chunk + kCellChunk;
+      t_.clear_cells(chunk, chunk + kCellChunk);
     }
     return true;
   }
@@ -187,7 +188,7 @@ class RegularTriangulation::ParallelWorker {
 /// end, with the vertices left over in `rest`. Vertices and ranks are the same here.
 Index RegularTriangulation::insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve,
                                                unsigned threads, std::vector<Index>& rest) {
-  constexpr Index kLeastPerThread = 60000;  // below, too much of a region is border: two threads gain nothing at 100k points
+  constexpr Index kLeastPerThread = 8000;  // below, too much of a region is border
   if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency());
   const Index count = end - begin;
   const Index workers_wanted = std::min(static_cast<Index>(std::min(threads, 256u)), count / kLeastPerThread);
@@ -226,6 +227,7 @@ Index RegularTriangulation::insert_in_parallel(Index begin, Index end, const std
       for (; work_.next_cell < work_.end_cell; ++work_.next_cell) work_.free_cells.push_back(work_.next_cell);
       work_.next_cell = pass.next_chunk.fetch_add(kCellChunk);
       work_.end_cell = work_.next_cell + kCellChunk;
+      clear_cells(work_.next_cell, work_.end_cell);
     }
     std::vector<Index> start_cells(num_workers, kNone);
     for (std::size_t k = 0; k < num_workers; ++k) {
@@ -262,6 +264,7 @@ Index RegularTriangulation::insert_in_parallel(Index begin, Index end, const std
     cells_.resize(slot(pass.next_chunk));
     mark_.resize(cells_.size());
   } else {  // a cavity larger than a chunk has added cells behind the room
+    clear_cells(pass.next_chunk, static_cast<Index>(room));
     for (Index c = pass.next_chunk; c < static_cast<Index>(room); ++c) work_.free_cells.push_back(c);
   }
   return end;

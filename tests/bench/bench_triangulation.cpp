@@ -140,6 +140,18 @@ void triangulate(benchmark::State& state, char name) {
   state.counters["cells"] = static_cast<double>(cells);
 }
 
+/// A million uniform points.
+void triangulate_million(benchmark::State& state, unsigned threads) {
+  static const Points positions = [] {
+    Rng rng(4);
+    Points result(1000000, 3);
+    for (Eigen::Index k = 0; k < result.size(); ++k) result.data()[k] = rng.uniform();
+    return result;
+  }();
+  const Eigen::VectorXd weights = Eigen::VectorXd::Zero(positions.rows());
+  for (auto _ : state) amps::RegularTriangulation(positions, weights, threads);
+}
+
 /// Single insertions of the second half, with the cell of a nearby vertex as the hint.
 void insert_with_hint(benchmark::State& state, char name) {
   const Input& in = input(name);
@@ -246,6 +258,12 @@ const int kRegistered = [] {
 #ifdef AMPS_BENCH_CGAL
     add("/cgal", [name](benchmark::State& state) { triangulate_cgal(state, name); });
 #endif
+  }
+  for (const unsigned threads : {1u, 2u}) {
+    const std::string title = "triangulation/million_threads:" + std::to_string(threads);
+    benchmark::RegisterBenchmark(title.c_str(), [threads](benchmark::State& state) {
+      triangulate_million(state, threads);
+    })->Unit(benchmark::kMillisecond)->UseRealTime();
   }
   for (const char name : {'a', 'c'}) {
     const auto add = [name](const char* what, const char* who, void (*run)(benchmark::State&, char)) {
