@@ -24,7 +24,7 @@ using State = RegularTriangulation::VertexState;
 
 namespace amps::detail {
 struct TriangulationTestAccess {
-  static std::vector<RegularTriangulation::Cell>& cells(RegularTriangulation& t) { return t.cells_; }
+  static auto& cells(RegularTriangulation& t) { return t.cells_; }
   static std::vector<RegularTriangulation::VertexState>& states(RegularTriangulation& t) { return t.state_; }
   static std::vector<WeightedPoint>& points(RegularTriangulation& t) { return t.points_; }
   static std::vector<Index>& vertex_cell(RegularTriangulation& t) { return t.vertex_cell_; }
