@@ -31,6 +31,7 @@
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
+//   sizing.h         sizing fields: the wanted radius at each point of a surface
 //   voxel_grid.h     (internal) which samples are near a dart
 //   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
 //   sampling.h       darts, gap filling, and the certificate that a set is maximal
@@ -52,6 +53,7 @@
 #include "amps/kdtree.h"
 #include "amps/triangulation.h"
 #include "amps/power_diagram.h"
+#include "amps/sizing.h"
 #include "amps/sampling.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
