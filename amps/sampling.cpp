@@ -15,10 +15,7 @@ namespace amps {
 namespace detail {
 namespace {
 
-/// n·r²/area of a maximal Poisson-disk set of uniform radius: random sequential adsorption jams at a coverage of 0.547 with
-/// disks of radius r/2 (Feder 1980), 0.547·4/π = 0.6965 far from borders.
-constexpr double kMaximalDensity = 0.6965;
-constexpr double kTargetTolerance = 0.02;
+constexpr double kTargetTolerance = 0.01;
 /// Runs made for a target end at this many, and sooner when together they have drawn this many samples: small sets, whose
 /// counts scatter by more than the tolerance, are cheap to draw again.
 constexpr int kTargetAttempts = 100;
@@ -55,23 +52,42 @@ void require_sampling_options(const SamplingOptions& options) {
   }
 }
 
-/// Refuses radii before any work that would end in memory exhaustion.
-void require_feasible_radius(double radius, double area, const Box& box, const SamplingOptions& options) {
-  if (!(radius > 0) || !std::isfinite(radius)) {
+/// Refuses radii before any work that would end in memory exhaustion. `density` is ∫dA/r².
+void require_feasible_radii(double least, double greatest, double density, const Box& box, const SamplingOptions& options) {
+  if (!(least > 0) || !std::isfinite(greatest)) {
     throw Error(ErrorCode::kInvalidArgument,
-                "sampling: the radius is " + number_text(radius) + "; it must be positive and finite");
+                "sampling: the radius is " + number_text(least) + "; it must be positive and finite");
   }
-  const double expected = kMaximalDensity * area / radius / radius;
+  const bool uniform = least == greatest;
+  const std::string what =
+      uniform ? "radius " + number_text(least) : "radii from " + number_text(least) + " to " + number_text(greatest);
+  const double expected = kSamplesPerDensity * density;
   if (!(expected < options.max_samples)) {
-    throw Error(ErrorCode::kTooLarge, "sampling: radius " + number_text(radius) + " on an area of " + number_text(area) +
-                                          " needs about " + number_text(expected) + " samples, more than max_samples, " +
-                                          std::to_string(options.max_samples) + "; use a radius of at least " +
-                                          number_text(std::sqrt(kMaximalDensity * area / options.max_samples) * 1.01));
+    const double factor = std::sqrt(expected / options.max_samples) * 1.01;
+    throw Error(ErrorCode::kTooLarge, "sampling: " + what + " need about " + number_text(expected) +
+                                          " samples, more than max_samples, " + std::to_string(options.max_samples) +
+                                          "; use " +
+                                          (uniform ? "a radius of at least " + number_text(least * factor)
+                                                   : "a sizing field scaled by at least " + number_text(factor)));
   }
-  if (!VoxelGrid::fits(box, radius)) {
-    throw Error(ErrorCode::kTooLarge, "sampling: radius " + number_text(radius) +
-                                          " is out of proportion to the mesh's diagonal " + number_text(box.diagonal()) +
-                                          "; use one between 1e-6 and 1e6 of it, or rescale the mesh");
+  if (!VoxelGrid::fits(box, least, greatest)) {
+    throw Error(ErrorCode::kTooLarge, "sampling: " + what + ": out of proportion to the mesh's diagonal " +
+                                          number_text(box.diagonal()) +
+                                          "; stay between 1e-6 and 1e6 of it, or rescale the mesh");
+  }
+}
+
+/// Which of radius, sizing and target_count are given, and whether the field is this mesh's.
+void require_one_sizing(const MeshView& mesh, const SamplingOptions& options) {
+  const bool by_radius = options.radius != 0, by_count = options.target_count != 0, by_field = !options.sizing.empty();
+  if (options.target_count < 0 || !(by_radius || by_count || by_field) || (by_radius && (by_count || by_field))) {
+    throw Error(ErrorCode::kInvalidArgument,
+                "sampling: set a positive radius, or a sizing field, or a positive target_count, or both of the last two");
+  }
+  if (by_field && !options.sizing.fits(mesh)) {
+    throw Error(ErrorCode::kInvalidArgument, "sampling: the sizing field is of another mesh (" +
+                                                 std::to_string(options.sizing.num_facets()) + " facets; this one has " +
+                                                 std::to_string(mesh.num_facets()) + "); make it from the mesh to be sampled");
   }
 }
 
@@ -148,16 +164,45 @@ SurfacePoint surface_point(const MeshView& mesh, Index facet, const Vec3& x) {
 // ---------------------------------------------------------------------------------------------------------------------------
 // Dart throwing
 
-/// What both stages share: the mesh, one radius, the samples so far and the grid that tells conflicts among them.
+/// The radii that are wanted, point by point: one for all, or a field.
+class WantedRadii {
+ public:
+  explicit WantedRadii(double radius) : radius_(radius) {}
+  /// A field that is the same everywhere is one radius.
+  explicit WantedRadii(const SizingField& field)
+      : radius_(field.min_radius()), field_(field.min_radius() == field.max_radius() ? SizingField() : field) {}
+  /// But not where the samples of others have radii of their own.
+  static WantedRadii varying(const SizingField& field) {
+    WantedRadii result(field.min_radius());
+    result.field_ = field;
+    return result;
+  }
+
+  bool uniform() const { return field_.empty(); }
+  const SizingField& field() const { return field_; }
+  double at(const SurfacePoint& x) const { return uniform() ? radius_ : field_.radius(x); }
+  double least() const { return uniform() ? radius_ : field_.min_radius(); }
+  double greatest() const { return uniform() ? radius_ : field_.max_radius(); }
+  /// ∫dA/r²
+  double density_integral(double area) const {
+    return uniform() ? area / radius_ / radius_ : field_.density_integral();
+  }
+
+ private:
+  double radius_;
+  SizingField field_;
+};
+
+/// What both stages share: the mesh, the wanted radii, the samples so far and the grid that tells conflicts among them.
 struct SamplingTask {
-  SamplingTask(const MeshView& m, const SamplingOptions& o, double r, std::uint64_t seed)
-      : mesh(m), options(o), radius(r), grid(bounding_box(m), r), rng(seed) {
-    report.radius = r;
+  SamplingTask(const MeshView& m, const SamplingOptions& o, const WantedRadii& r, std::uint64_t seed)
+      : mesh(m), options(o), radii(r), grid(bounding_box(m), r.least(), r.greatest()), rng(seed) {
+    if (r.uniform()) report.radius = r.least();
     report.seed = seed;
   }
   const MeshView& mesh;
   const SamplingOptions& options;
-  double radius;
+  const WantedRadii& radii;
   VoxelGrid grid;
   Rng rng;  ///< one sequence for both stages: gap darts must not repeat the random numbers of the first darts
   GrowingSet set;
@@ -165,22 +210,167 @@ struct SamplingTask {
   Status status = Status::kDone;
 };
 
-void run_darts(SamplingTask& task, const std::vector<double>& areas, double total) {
-  Stopwatch watch;
-  const AliasTable table(areas);
-  Rng rng = task.rng;
-  const double expected = kMaximalDensity * total / (task.radius * task.radius);
-  for (int rejections = 0; rejections < task.options.max_rejections;) {
+/// Darts of one radius: uniform on the surface.
+class UniformDarts {
+ public:
+  explicit UniformDarts(SamplingTask& task) : grid_(task.grid), radius_(task.radii.least()), table_(facet_areas(task.mesh)) {}
+  SurfacePoint draw(Rng& rng) const {
     SurfacePoint dart;
-    dart.facet = table.pick(rng);
+    dart.facet = table_.pick(rng);
     dart.barycentric = uniform_barycentric(rng);
+    return dart;
+  }
+  double radius(const SurfacePoint&) const { return radius_; }
+  bool conflicts(const Vec3& x, double) const { return grid_.conflicts(x); }
+  void insert(const Vec3& x, double, Index id) { grid_.insert(x, id); }
+
+ private:
+  VoxelGrid& grid_;
+  double radius_;
+  AliasTable table_;
+};
+
+std::vector<double> piece_densities(const SizingField& field) {
+  std::vector<double> result(field.num_pieces());
+  for (std::size_t i = 0; i < result.size(); ++i) result[i] = field.density_integral(i);
+  return result;
+}
+
+/// A random point of a triangle of density exactly ∝ 1/r², r linear between the given radii at its corners, ascending and not
+/// all equal. Uniform points by rejection would be drawn (r_max/r_min)² times; so the triangle is cut where r is 2, 4, 8, … times
+/// the least. A band [s, 2s] is chosen by area/s², the level line in it by area, and kept with probability (s/r)² ≥ 1/4.
+/// Arithmetic and square roots only: the same on every platform.
+class BandedTriangle {
+ public:
+  explicit BandedTriangle(const std::array<double, 3>& radii) : r_(radii) {
+    double weight = 1;
+    for (double low = r_[0]; low < r_[2]; low *= 2, weight /= 4) {
+      const bool last = num_bands_ + 1 == kMostBands || 2 * low >= r_[2];
+      Band& band = bands_[num_bands_++];
+      band = {low, share_below(low), last ? 1.0 : share_below(2 * low), 0};
+      total_ += weight * (band.share_end - band.share_begin);
+      band.weight_up_to = total_;
+      if (last) break;
+    }
+  }
+
+  Vec3 draw(Rng& rng) const {
+    for (;;) {
+      const double choice = rng.uniform() * total_;
+      std::size_t k = 0;
+      while (k + 1 < num_bands_ && choice >= bands_[k].weight_up_to) ++k;
+      const Band& band = bands_[k];
+      const double r = level(band.share_begin + rng.uniform() * (band.share_end - band.share_begin));
+      if (rng.uniform() * r * r < band.low * band.low) return on_level(r, rng.uniform());
+    }
+  }
+
+ private:
+  /// The last band takes all the rest: it comes up with a chance of 4^-31.
+  static constexpr std::size_t kMostBands = 32;
+  struct Band {
+    double low;
+    double share_begin, share_end;  ///< of the triangle's area, from the corner of least radius on
+    double weight_up_to;
+  };
+
+  /// Share of the area where the radius is below r: two similar triangles, cut by the level line of the middle corner.
+  double share_below(double r) const {
+    if (r <= r_[0]) return 0;
+    if (r <= r_[1]) return (r - r_[0]) / (r_[1] - r_[0]) * ((r - r_[0]) / (r_[2] - r_[0]));
+    return 1 - (r_[2] - r) / (r_[2] - r_[1]) * ((r_[2] - r) / (r_[2] - r_[0]));
+  }
+
+  /// The inverse of share_below.
+  double level(double share) const {
+    const double span = r_[2] - r_[0];
+    const double r = share * span <= r_[1] - r_[0] ? r_[0] + std::sqrt(share * (r_[1] - r_[0]) * span)
+                                                   : r_[2] - std::sqrt((1 - share) * (r_[2] - r_[1]) * span);
+    return std::min(std::max(r, r_[0]), r_[2]);
+  }
+
+  /// The point at `along` ∈ [0, 1) of the level line of r.
+  Vec3 on_level(double r, double along) const {
+    const auto between = [&](int from, int to) {
+      const auto low = r_[static_cast<std::size_t>(from)], high = r_[static_cast<std::size_t>(to)];
+      const double t = high > low ? std::min(std::max((r - low) / (high - low), 0.0), 1.0) : 0.0;
+      Vec3 b = Vec3::Zero();
+      b[from] = 1 - t;
+      b[to] = t;
+      return b;
+    };
+    const Vec3 a = between(0, 2), b = r <= r_[1] ? between(0, 1) : between(1, 2);
+    return (1 - along) * a + along * b;
+  }
+
+  std::array<double, 3> r_;
+  std::array<Band, kMostBands> bands_;
+  std::size_t num_bands_ = 0;
+  double total_ = 0;
+};
+
+/// Darts of a sizing field: density exactly ρ = 1/r².
+class FieldDarts {
+ public:
+  explicit FieldDarts(SamplingTask& task)
+      : grid_(task.grid),
+        field_(task.radii.field()),
+        by_max_(task.options.conflict_rule == ConflictRule::kMax),
+        table_(piece_densities(field_)) {}
+
+  SurfacePoint draw(Rng& rng) const {
+    const SizingField::Piece piece = field_.piece(static_cast<std::size_t>(table_.pick(rng)));
+    const Vec3 b = point_in(piece.radii, rng);
+    return {piece.facet, b[0] * piece.corners[0] + b[1] * piece.corners[1] + b[2] * piece.corners[2]};
+  }
+  double radius(const SurfacePoint& at) const { return field_.radius(at); }
+  bool conflicts(const Vec3& x, double radius) const {
+    return (by_max_ ? grid_.conflicting_sample_by_max(x, radius) : grid_.conflicting_sample_by_min(x, radius)) != kNone;
+  }
+  void insert(const Vec3& x, double radius, Index id) { grid_.insert(x, radius, id); }
+
+ private:
+  static Vec3 point_in(const std::array<double, 3>& radii, Rng& rng) {
+    std::array<std::size_t, 3> order = {0, 1, 2};
+    const auto sort_two = [&](std::size_t i, std::size_t j) {
+      if (radii[order[i]] > radii[order[j]]) std::swap(order[i], order[j]);
+    };
+    sort_two(0, 1);
+    sort_two(1, 2);
+    sort_two(0, 1);
+    const double least = radii[order[0]], greatest = radii[order[2]];
+    if (greatest <= 2 * least) {  // most pieces: every fourth point is kept, or more
+      for (;;) {
+        const Vec3 b = uniform_barycentric(rng);
+        const double r = b[0] * radii[0] + b[1] * radii[1] + b[2] * radii[2];
+        if (rng.uniform() * r * r < least * least) return b;
+      }
+    }
+    const Vec3 sorted = BandedTriangle({least, radii[order[1]], greatest}).draw(rng);
+    Vec3 b;
+    for (std::size_t k = 0; k < 3; ++k) b[static_cast<int>(order[k])] = sorted[static_cast<int>(k)];
+    return b;
+  }
+
+  VoxelGrid& grid_;
+  const SizingField& field_;
+  bool by_max_;
+  AliasTable table_;
+};
+
+template <class Darts>
+void throw_all(SamplingTask& task, Darts&& darts, double expected) {
+  Rng rng = task.rng;
+  for (int rejections = 0; rejections < task.options.max_rejections;) {
+    const SurfacePoint dart = darts.draw(rng);
     const Vec3 x = position_of(task.mesh, dart);
-    if (task.grid.conflicts(x)) {
+    const double radius = darts.radius(dart);
+    if (darts.conflicts(x, radius)) {
       ++rejections;
     } else {
       rejections = 0;
-      task.grid.insert(x, task.set.size());
-      task.set.add(x, task.radius, dart);
+      darts.insert(x, radius, task.set.size());
+      task.set.add(x, radius, dart);
     }
     if (++task.report.darts % kDartsPerReport == 0 &&
         !task.options.progress.report("dart throwing", std::min(1.0, task.set.size() / expected))) {
@@ -189,6 +379,17 @@ void run_darts(SamplingTask& task, const std::vector<double>& areas, double tota
     }
   }
   task.rng = rng;
+}
+
+/// `density` is ∫dA/r².
+void run_darts(SamplingTask& task, double density) {
+  Stopwatch watch;
+  const double expected = kSamplesPerDensity * density;
+  if (task.radii.uniform()) {
+    throw_all(task, UniformDarts(task), expected);
+  } else {
+    throw_all(task, FieldDarts(task), expected);
+  }
   task.report.dart_samples = task.set.size();
   task.report.seconds_darts += watch.lap();
 }
@@ -250,7 +451,14 @@ bool fragment_has_gap(const RestrictedPowerDiagram& diagram, const RestrictedPow
   return has_gap({polygon.corners, static_cast<std::size_t>(polygon.size), Vec3::UnitZ()}, ball_of(diagram.site(polygon.site)));
 }
 
-/// Gap area per fragment, kept up to date through insertions.
+/// The greatest double whose square, rounded, does not exceed s.
+double root_below(double s) {
+  double r = std::sqrt(s);
+  while (r * r > s) r = std::nextafter(r, 0.0);
+  return r;
+}
+
+/// Gap area per fragment times ρ there, kept up to date through insertions.
 class GapFiller {
  public:
   GapFiller(SamplingTask& task, RestrictedPowerDiagram& diagram) : task_(task), diagram_(diagram) {
@@ -271,14 +479,29 @@ class GapFiller {
 
  private:
   void refresh(Index f) {
-    double area = 0;
-    if (diagram_.alive(f) && !(diagram_.reach(f) <= task_.radius)) {
+    double weight = 0;
+    if (diagram_.alive(f) && !surely_covered(f)) {
       const auto polygon = diagram_.polygon(f);
       if (fragment_has_gap(diagram_, polygon)) {
-        area = gap_.assign(fragment_view(task_.mesh, polygon), ball_of(diagram_.site(polygon.site)));
+        weight = gap_.assign(fragment_view(task_.mesh, polygon), ball_of(diagram_.site(polygon.site))) * density(polygon);
       }
     }
-    gaps_.set(f, area);
+    gaps_.set(f, weight);
+  }
+
+  bool surely_covered(Index f) const {
+    if (task_.radii.uniform()) return diagram_.reach(f) <= task_.radii.least();
+    const double reach = diagram_.reach(f);
+    return reach * reach <= diagram_.site(diagram_.polygon(f).site).w;
+  }
+
+  /// ρ in the middle of a fragment, in units of its greatest value. Above the square of rounding, so that no gap goes unseen.
+  double density(const RestrictedPowerDiagram::Polygon& polygon) const {
+    if (task_.radii.uniform()) return 1;
+    Vec3 sum = Vec3::Zero();
+    for (Index k = 0; k < polygon.size; ++k) sum += polygon.corners[k];
+    const double ratio = task_.radii.least() / task_.radii.at(surface_point(task_.mesh, polygon.facet, sum / polygon.size));
+    return ratio * ratio;
   }
 
   void fill_one() {
@@ -300,23 +523,39 @@ class GapFiller {
   /// Rounding may move a point of the gap into a ball: the doubles themselves are tested, exactly unless slack is given.
   bool is_free(const Vec3& x, const RestrictedPowerDiagram::Polygon& polygon, double slack) const {
     const double shrink = (1 - slack) * (1 - slack);
-    const auto outside = [&](const Vec3& p, double w) { return side_of_ball(x.data(), p.data(), w * shrink) >= 0; };
-    const WeightedPoint& owner = diagram_.site(polygon.site);
-    if (!outside(owner.position(), owner.w)) return false;
+    const auto outside = [&](Index s, double w) {
+      return side_of_ball(x.data(), diagram_.site(s).position().data(), w * shrink) >= 0;
+    };
+    if (!outside(polygon.site, diagram_.site(polygon.site).w)) return false;
     for (Index k = 0; k < polygon.size; ++k) {
-      if (!RestrictedPowerDiagram::is_site(polygon.labels[k])) continue;
-      const WeightedPoint& site = diagram_.site(polygon.labels[k]);
-      if (!outside(site.position(), site.w)) return false;
+      const Index label = polygon.labels[k];
+      if (RestrictedPowerDiagram::is_site(label) && !outside(label, diagram_.site(label).w)) return false;
     }
-    const Index nearby = task_.grid.conflicting_sample(x);
-    return nearby == kNone || (slack > 0 && outside(diagram_.site(nearby).position(), task_.radius * task_.radius));
+    const bool uniform = task_.radii.uniform();
+    const Index nearby = uniform ? task_.grid.conflicting_sample(x) : task_.grid.conflicting_sample_by_max(x, 0);
+    if (nearby == kNone) return true;
+    return slack > 0 && outside(nearby, uniform ? task_.radii.least() * task_.radii.least() : diagram_.site(nearby).w);
+  }
+
+  /// What is wanted there; by the max rule no more than the distance to the nearest sample. Its square as rounded, the weight in
+  /// the diagram, does not exceed the squared distance as rounded: the new site hides no other, not even by rounding.
+  double radius_at(const Vec3& x, const SurfacePoint& at) const {
+    const double wanted = task_.radii.at(at);
+    if (task_.radii.uniform() || task_.options.conflict_rule == ConflictRule::kMin) return wanted;
+    const double nearest = task_.grid.nearest_squared_distance(x, wanted);
+    return nearest < wanted * wanted ? root_below(nearest) : wanted;
   }
 
   void insert(const Vec3& x, const SurfacePoint& at, Index near) {
-    task_.grid.insert(x, task_.set.size());
-    task_.set.add(x, task_.radius, at);
+    const double radius = radius_at(x, at);
+    if (task_.radii.uniform()) {
+      task_.grid.insert(x, task_.set.size());
+    } else {
+      task_.grid.insert(x, radius, task_.set.size());
+    }
+    task_.set.add(x, radius, at);
     ++task_.report.gap_samples;
-    diagram_.insert(x, task_.radius * task_.radius, near);
+    diagram_.insert(x, radius * radius, near);
     for (const Index f : diagram_.changed()) refresh(f);
   }
 
@@ -344,6 +583,12 @@ std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task) {
 }
 
 SamplingRun finish_run(SamplingTask& task, std::unique_ptr<RestrictedPowerDiagram> diagram) {
+  const std::vector<double>& radii = task.set.radii;
+  if (!radii.empty()) {
+    task.report.min_radius = *std::min_element(radii.begin(), radii.end());
+    task.report.max_radius = *std::max_element(radii.begin(), radii.end());
+    for (const double r : radii) task.report.mean_radius += r / static_cast<double>(radii.size());
+  }
   return {{task.set.finish(), task.report, task.status}, std::move(diagram)};
 }
 
@@ -360,32 +605,35 @@ void add_up(SamplingReport& total, const SamplingReport& run) {
 SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options) {
   require_usable(mesh);
   require_sampling_options(options);
-  const bool by_count = options.target_count != 0;
-  if (by_count == (options.radius != 0) || options.target_count < 0) {
-    throw Error(ErrorCode::kInvalidArgument, "sampling: set either a positive radius or a positive target_count");
-  }
-  const std::vector<double> areas = facet_areas(mesh);
+  require_one_sizing(mesh, options);
   const double area = total_area(mesh);
   const Box box = bounding_box(mesh);
-  const auto run_once = [&](double radius, std::uint64_t seed) {
-    require_feasible_radius(radius, area, box, options);
-    SamplingTask task(mesh, options, radius, seed);
-    run_darts(task, areas, area);
+  const auto run_once = [&](const WantedRadii& radii, std::uint64_t seed) {
+    const double density = radii.density_integral(area);
+    require_feasible_radii(radii.least(), radii.greatest(), density, box, options);
+    SamplingTask task(mesh, options, radii, seed);
+    run_darts(task, density);
     std::unique_ptr<RestrictedPowerDiagram> diagram;
     if (task.status == Status::kDone) diagram = run_gap_filling(task);
     return finish_run(task, std::move(diagram));
   };
-  if (!by_count) return run_once(options.radius, options.seed);
+  const bool by_field = !options.sizing.empty();
+  if (options.target_count == 0) {
+    return run_once(by_field ? WantedRadii(options.sizing) : WantedRadii(options.radius), options.seed);
+  }
 
-  // The count is a random function of the radius, close to density·area/r²: every run improves the estimate of the density.
+  // The count is a random function of the scale, close to density·∫dA/r²: every run improves the estimate of the density.
+  const double integral = by_field ? options.sizing.density_integral() : area;
   const double target = options.target_count;
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingRun best;
   SamplingReport total;
-  double density = kMaximalDensity, density_sum = 0;
+  double density = kSamplesPerDensity, density_sum = 0;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
-    const double radius = std::sqrt(density * area / target);
-    SamplingRun run = run_once(radius, options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride);
+    const double scale = std::sqrt(density * integral / target);
+    SamplingRun run = run_once(by_field ? WantedRadii(options.sizing.scaled(scale)) : WantedRadii(scale),
+                               options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride);
+    if (by_field) run.result.report.sizing_scale = scale;
     total.attempts = attempt;
     add_up(total, run.result.report);
     if (run.result.status == Status::kCancelled) {
@@ -393,7 +641,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
       break;
     }
     // The first estimate may be far off (thin or rough surfaces): later ones start the mean over.
-    const double estimate = run.result.samples.size() * radius * radius / area;
+    const double estimate = run.result.samples.size() * scale * scale / integral;
     density_sum = attempt == 2 ? 2 * estimate : density_sum + estimate;
     density = density_sum / attempt;
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
@@ -416,46 +664,83 @@ RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples
 
 namespace {
 
-/// min |p_i − p_j| / max(r_i, r_j) over all pairs. Each pair is seen from its larger disk, within the best ratio so far.
-double worst_separation_of(const RestrictedPowerDiagram& diagram) {
-  const Index n = diagram.num_sites();
-  double best = INFINITY;
-  const RegularTriangulation::Adjacency around = diagram.adjacency();
-  const auto ratio = [&](Index i, Index j) {
-    const WeightedPoint &p = diagram.site(i), &q = diagram.site(j);
-    return (p.position() - q.position()).norm() / std::sqrt(std::max(p.w, q.w));
-  };
-  // Neighbours in the triangulation give a bound, and with equal radii the answer: the nearest point is a neighbour.
-  double least = INFINITY, greatest = 0;
-  bool all_visible = true;
-  for (Index i = 0; i < n; ++i) {
-    least = std::min(least, diagram.site(i).w);
-    greatest = std::max(greatest, diagram.site(i).w);
-    all_visible = all_visible && diagram.visible(i);
-    for (Index k = around.offset[static_cast<std::size_t>(i)]; k < around.offset[static_cast<std::size_t>(i) + 1]; ++k) {
-      best = std::min(best, ratio(i, around.adjacent[static_cast<std::size_t>(k)]));
+/// min over all pairs of |p_i − p_j| over the greater radius, or over the lesser one.
+///
+/// Neighbours in the triangulation are enough where all sites are visible and every two neighbours i, j satisfy d² ≥ max(w_i,
+/// w_j), decided exactly. (1) Then p_j lies in its own power cell, which its neighbours bound, so d_ij² − w_i ≥ −w_j for all i,
+/// and on the segment between any two sites there is a point x of equal power to both. (2) Let i, j, w_i ≥ w_j, be the pair of
+/// least q = d² − max(w_i, w_j), and not neighbours. Some k has less power at x than they. At x the squared distance from p_k is
+/// by Stewart's theorem the mean, by the shares of the segment, of those at its ends, less the product of its parts; with q for
+/// the pairs (i, k), (j, k) that makes q + mean(max(w_k, w_i), max(w_k, w_j)) < (q − w_j)/2 + w_k, hence q < −w_j, against (1).
+/// So all pairs are as they should be. (3) In the same way, if ρ ≥ 1 is the least d/max(r_i, r_j) over all pairs, then a pair
+/// that has it are neighbours: with ρ² max(w_k, ·) for the squared distances from p_k both w_k ≤ w_i and w_k > w_i contradict.
+class SeparationMeasure {
+ public:
+  SeparationMeasure(const RestrictedPowerDiagram& diagram, ConflictRule rule)
+      : diagram_(diagram), by_max_(rule == ConflictRule::kMax) {}
+
+  double worst() {
+    look_at_neighbors();
+    const bool known = all_visible_ && ((by_max_ && neighbors_apart_) || least_ == greatest_);
+    if (!known) look_at_all_pairs();
+    return best_;
+  }
+
+ private:
+  double ratio(const WeightedPoint& p, const WeightedPoint& q) const {
+    return (p.position() - q.position()).norm() / std::sqrt(by_max_ ? std::max(p.w, q.w) : std::min(p.w, q.w));
+  }
+
+  void look_at_neighbors() {
+    const RegularTriangulation::Adjacency around = diagram_.adjacency();
+    for (Index i = 0; i < diagram_.num_sites(); ++i) {
+      const WeightedPoint& p = diagram_.site(i);
+      least_ = std::min(least_, p.w);
+      greatest_ = std::max(greatest_, p.w);
+      all_visible_ = all_visible_ && diagram_.visible(i);
+      for (Index k = around.offset[slot(i)]; k < around.offset[slot(i) + 1]; ++k) {
+        if (around.adjacent[slot(k)] < i) continue;
+        const WeightedPoint& q = diagram_.site(around.adjacent[slot(k)]);
+        const double between = ratio(p, q);
+        best_ = std::min(best_, between);
+        constexpr double kRounding = 1e-14;  // of the ratio
+        if (between > 1 + kRounding) continue;
+        const Vec3 centre = q.position();
+        neighbors_apart_ = neighbors_apart_ && side_of_ball(&p.x, centre.data(), std::max(p.w, q.w)) >= 0;
+      }
     }
   }
-  if (all_visible && least == greatest) return best;
-  Points positions(n, 3);
-  for (Index i = 0; i < n; ++i) positions.row(i) = diagram.site(i).position().transpose();
-  const KdTree tree(positions);
-  std::vector<KdTree::Neighbor> found;
-  for (Index i = 0; i < n; ++i) {
-    const double w = diagram.site(i).w;
-    // The bound's own rounding must not lose the pair that set it.
-    const double reach = std::min(best, 1e150) * std::sqrt(w) * (1 + 1e-12);
-    tree.in_radius(diagram.site(i).position(), reach, found);
-    for (const KdTree::Neighbor& near : found) {
-      if (near.index != i && diagram.site(near.index).w <= w) best = std::min(best, ratio(i, near.index));
+
+  /// Each pair is seen from the disk that counts, within the best ratio so far.
+  void look_at_all_pairs() {
+    const Index n = diagram_.num_sites();
+    Points positions(n, 3);
+    for (Index i = 0; i < n; ++i) positions.row(i) = diagram_.site(i).position().transpose();
+    const KdTree tree(positions);
+    std::vector<KdTree::Neighbor> found;
+    for (Index i = 0; i < n; ++i) {
+      const WeightedPoint& p = diagram_.site(i);
+      // The bound's own rounding must not lose the pair that set it.
+      const double reach = std::min(best_, 1e150) * std::sqrt(p.w) * (1 + 1e-12);
+      tree.in_radius(p.position(), reach, found);
+      for (const KdTree::Neighbor& near : found) {
+        const WeightedPoint& q = diagram_.site(near.index);
+        if (near.index != i && (by_max_ ? q.w <= p.w : q.w >= p.w)) best_ = std::min(best_, ratio(p, q));
+      }
     }
   }
-  return best;
-}
+
+  const RestrictedPowerDiagram& diagram_;
+  bool by_max_;
+  double best_ = INFINITY;
+  double least_ = INFINITY, greatest_ = 0;
+  bool all_visible_ = true;
+  bool neighbors_apart_ = true;
+};
 
 }  // namespace
 
-MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram) {
+MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule) {
   MaximalityReport report;
   FragmentGap gap;
   for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
@@ -470,7 +755,7 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram) {
     report.gap_area += gap.assign(fragment_view(diagram.mesh(), polygon), ball_of(site));
   }
   report.worst_coverage = std::sqrt(report.worst_coverage);
-  report.worst_separation = worst_separation_of(diagram);
+  report.worst_separation = SeparationMeasure(diagram, rule).worst();
   return report;
 }
 
@@ -486,12 +771,16 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
   require_usable(mesh);
   detail::require_sampling_options(options);
   if (options.target_count != 0) {
-    throw Error(ErrorCode::kInvalidArgument, "sampling: dart throwing alone needs a radius; target_count counts maximal sets");
+    throw Error(ErrorCode::kInvalidArgument,
+                "sampling: dart throwing alone needs a radius or a sizing field; target_count counts maximal sets");
   }
-  const double area = total_area(mesh);
-  detail::require_feasible_radius(options.radius, area, bounding_box(mesh), options);
-  detail::SamplingTask task(mesh, options, options.radius, options.seed);
-  detail::run_darts(task, facet_areas(mesh), area);
+  detail::require_one_sizing(mesh, options);
+  const detail::WantedRadii radii =
+      options.sizing.empty() ? detail::WantedRadii(options.radius) : detail::WantedRadii(options.sizing);
+  const double density = radii.density_integral(total_area(mesh));
+  detail::require_feasible_radii(radii.least(), radii.greatest(), density, bounding_box(mesh), options);
+  detail::SamplingTask task(mesh, options, radii, options.seed);
+  detail::run_darts(task, density);
   return std::move(detail::finish_run(task, nullptr).result);
 }
 
@@ -500,8 +789,9 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
   detail::require_sampling_options(options);
   detail::require_sample_set(existing);
   if (options.target_count != 0) {
-    throw Error(ErrorCode::kInvalidArgument, "sampling: gap filling takes a radius, not a target_count");
+    throw Error(ErrorCode::kInvalidArgument, "sampling: gap filling takes a radius or a sizing field, not a target_count");
   }
+  if (options.radius != 0 || !options.sizing.empty()) detail::require_one_sizing(mesh, options);
   const double smallest = existing.radii.minCoeff();
   const double radius = options.radius == 0 ? smallest : options.radius;
   if (radius > smallest) {
@@ -509,20 +799,35 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
                                                  " could cover existing samples; use at most the smallest existing radius, " +
                                                  detail::number_text(smallest));
   }
+  const detail::WantedRadii radii = options.sizing.empty() ? detail::WantedRadii(radius) : detail::WantedRadii::varying(options.sizing);
   Box box = bounding_box(mesh);
   box.min = box.min.cwiseMin(existing.positions.colwise().minCoeff().transpose());
   box.max = box.max.cwiseMax(existing.positions.colwise().maxCoeff().transpose());
-  detail::require_feasible_radius(radius, total_area(mesh), box, options);
-  detail::SamplingTask task(mesh, options, radius, options.seed);
-  task.grid = detail::VoxelGrid(box, radius);
+  const double density = radii.density_integral(total_area(mesh));
+  detail::require_feasible_radii(radii.least(), radii.greatest(), density, box, options);
+  detail::SamplingTask task(mesh, options, radii, options.seed);
+  if (radii.uniform()) {
+    task.grid = detail::VoxelGrid(box, radius);
+  } else {  // new disks may be as small as the existing ones
+    const double least = std::min(radii.least(), smallest), greatest = std::max(radii.greatest(), existing.radii.maxCoeff());
+    detail::require_feasible_radii(least, greatest, density, box, options);
+    task.grid = detail::VoxelGrid(box, least, greatest);
+  }
   task.set.add_all(existing);
-  for (Index s = 0; s < existing.size(); ++s) task.grid.insert(existing.positions.row(s).transpose(), s);
+  for (Index s = 0; s < existing.size(); ++s) {
+    const Vec3 x = existing.positions.row(s).transpose();
+    if (radii.uniform()) {
+      task.grid.insert(x, s);
+    } else {
+      task.grid.insert(x, existing.radii[s], s);
+    }
+  }
   auto diagram = detail::run_gap_filling(task);
   return std::move(detail::finish_run(task, std::move(diagram)).result);
 }
 
-MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads) {
-  return detail::measure_maximality(detail::diagram_of(mesh, samples, threads));
+MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads, ConflictRule rule) {
+  return detail::measure_maximality(detail::diagram_of(mesh, samples, threads), rule);
 }
 
 GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned threads) {
