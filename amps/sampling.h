@@ -80,7 +80,7 @@ struct SamplingReport {
   Index gap_samples = 0;    ///< samples added by gap filling
   Index unfilled_gaps = 0;  ///< gaps that hold no double at the wanted distance: 0 unless the mesh lies > 1e6·r from the origin
   int attempts = 1;         ///< sampling runs made to reach target_count
-  double seconds_darts = 0;  ///< wall clock, all attempts
+  double seconds_darts = 0;  ///< wall clock, all attempts; as the next three
   double seconds_triangulation = 0;
   double seconds_diagram = 0;
   double seconds_gaps = 0;
@@ -92,14 +92,16 @@ struct SamplingResult {
   Status status = Status::kDone;
 };
 
-/// A maximal Poisson-disk set: dart throwing, then gap filling until no gap is left.
+/// A maximal Poisson-disk set: dart throwing, then gap filling until no gap is left. The samples of the first stage come first,
+/// in the order of a space-filling curve (what is near in space is near in memory, for us and for whoever takes the set); those
+/// of the second follow in the order of their insertion.
 /// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument (options, a sizing field of another mesh), kTooLarge (radii
 /// that would need more than max_samples, estimated before any work). Cancelled: the samples so far (Poisson-disk, not maximal).
 /// Expected O(n log n + #F). Thread-safe.
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
 
 /// The first stage alone: random darts of density 1/r², accepted when they conflict with none before, until max_rejections in a
-/// row fail. Poisson-disk, not maximal. Needs `radius` or `sizing`, no target_count.
+/// row fail. Poisson-disk, not maximal; samples in the order they were accepted. Needs `radius` or `sizing`, no target_count.
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options);
 
 /// The second stage alone, for a set made elsewhere: adds samples where the surface is uncovered until nothing is. Existing

@@ -40,6 +40,10 @@ class VoxelGrid {
   VoxelGrid(const Box& box, double least, double greatest);
   VoxelGrid(const Box& box, double radius) : VoxelGrid(box, radius, radius) {}
 
+  /// Start to fetch what a query or an insertion at x will look at first: its voxel; once that is there, the samples in it.
+  void prefetch_voxel(const Vec3& x, double radius) const;
+  void prefetch_samples(const Vec3& x, double radius) const;
+
   // Where all radii are equal:
 
   /// Some stored sample at distance < r from x, or kNone. Which one, if there are several, depends on the order of insertion
@@ -98,6 +102,7 @@ class VoxelGrid {
 
   Place place(const Vec3& x) const;
   int level_of(double radius) const;
+  std::uint64_t key_at(const Place& p, int level) const;
   static std::size_t find_slot(const Level& level, std::uint64_t key);
   template <class Visit>
   bool visit_around(const Place& p, int level, const Visit& visit) const;
