@@ -32,6 +32,8 @@
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
 //   sizing.h         sizing fields: the wanted radius at each point of a surface
+//   sizing_lfs              (its .cpp only) local feature size, by poles
+//   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
 //   voxel_grid.h     (internal) which samples are near a dart
 //   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
 //   sampling.h       darts, gap filling, and the certificate that a set is maximal

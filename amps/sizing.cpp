@@ -5,8 +5,10 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace amps {
 
@@ -300,6 +302,250 @@ SizingField min(const SizingField& a, const SizingField& b) {
   return SizingFieldAccess::make(std::move(lattice), std::move(nodes));
 }
 
+SizingField SizingField::with_ratio(double ratio, double quantile) const {
+  if (!(ratio >= 1)) refuse_sizing("the ratio " + std::to_string(ratio) + " of greatest to least radius is below 1");
+  if (!(quantile >= 0 && quantile < 1)) refuse_sizing("the quantile " + std::to_string(quantile) + " is not in [0, 1)");
+  struct Share {
+    double radius, area;
+  };
+  std::vector<Share> shares;
+  double total = 0;
+  for (std::size_t i = 0; i < num_pieces(); ++i) {
+    const Piece p = piece(i);
+    const double k = lattice_->k(p.facet), area = lattice_->areas[slot(p.facet)] / (k * k);
+    if (!(area > 0)) continue;
+    shares.push_back({(p.radii[0] + p.radii[1] + p.radii[2]) / 3, area});
+    total += area;
+  }
+  std::sort(shares.begin(), shares.end(),
+            [](const Share& a, const Share& b) { return a.radius != b.radius ? a.radius < b.radius : a.area < b.area; });
+  double below = 0, least = shares.front().radius;
+  for (const Share& share : shares) {
+    least = share.radius;
+    below += share.area;
+    if (below > quantile * total) break;
+  }
+  if (quantile == 0) least = min_;
+  return clamped(least, ratio * least);
+}
+
+double count_factor(const SizingField& field, double count) {
+  if (field.empty()) refuse_sizing("number of samples of an empty field; make it from a mesh");
+  if (!(count >= 1 && std::isfinite(count)))
+    refuse_sizing("cannot place " + std::to_string(count) + " samples; ask for one at least");
+  return std::sqrt(kSamplesPerDensity * field.density_integral() / count);
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
+// Gradation
+
+namespace {
+
+/// First of the sides of all facets with the same two vertices, by 3·facet + k: side k goes from corner k to k + 1.
+std::vector<std::size_t> first_equal_sides(const Triangles& triangles) {
+  struct Side {
+    Index low, high;
+    std::size_t side;
+  };
+  const std::size_t n = 3 * slot(static_cast<Index>(triangles.rows()));
+  std::vector<Side> sides(n);
+  for (std::size_t s = 0; s < n; ++s) {
+    const auto f = static_cast<Eigen::Index>(s / 3);
+    const Index a = triangles(f, static_cast<Eigen::Index>(s % 3)), b = triangles(f, static_cast<Eigen::Index>((s + 1) % 3));
+    sides[s] = {std::min(a, b), std::max(a, b), s};
+  }
+  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
+    return a.low != b.low ? a.low < b.low : a.high != b.high ? a.high < b.high : a.side < b.side;
+  });
+  std::vector<std::size_t> first(n);
+  for (std::size_t i = 0, run = 0; i < n; ++i) {
+    if (sides[i].low != sides[run].low || sides[i].high != sides[run].high) run = i;
+    first[sides[i].side] = sides[run].side;
+  }
+  return first;
+}
+
+/// The side of the facet that node (i, j) of a lattice lies on, and how many lattice edges from its start; corners lie at the
+/// start of a side. Side −1: inside.
+struct PlaceOnSide {
+  int side = -1;
+  Index steps = 0;
+};
+
+PlaceOnSide place_on_side(Index k, Index i, Index j) {
+  if (j == 0 && i < k) return {0, i};
+  if (i + j == k && j < k) return {1, j};
+  if (i == 0 && j > 0) return {2, k - j};
+  return {};
+}
+
+/// All lattice nodes of a mesh, those on shared edges and at vertices of equal position being one. Where facets beside an edge
+/// have different lattices, it has the nodes of the finest.
+class NodeGraph {
+ public:
+  explicit NodeGraph(const SizingLattice& lattice) : lattice_(lattice), welded_(merge_equal_vertices(lattice.mesh)) {
+    count_ = static_cast<Index>(welded_.vertices.rows());
+    if (!lattice.simple()) number_edges();
+    node_.reserve(lattice.num_nodes());
+    for (Index f = 0; f < lattice.num_facets(); ++f) number_facet(f);
+    place_nodes();
+  }
+
+  Index size() const { return count_; }
+  /// Of the n-th entry of a field's table.
+  Index node(std::size_t n) const { return node_[n]; }
+  Vec3 position(Index node) const { return positions_.row(node).transpose(); }
+
+  /// Lattice triangles at each node: `triangles[begin[node]] … `, as numbers of triples in `corners`.
+  std::vector<std::array<Index, 3>> corners;
+  std::vector<std::size_t> begin;
+  std::vector<std::size_t> triangles;
+
+  void list_triangles() {
+    corners.reserve(lattice_.num_pieces());
+    begin.assign(slot(count_) + 1, 0);
+    for (std::size_t i = 0; i < lattice_.num_pieces(); ++i) {
+      const Index f = lattice_.simple() ? static_cast<Index>(i) : lattice_.piece_facet[i];
+      const LatticeTriangle triangle = nth_lattice_triangle(lattice_.k(f), i - lattice_.piece(f));
+      std::array<Index, 3> nodes;
+      for (std::size_t c = 0; c < 3; ++c) {
+        nodes[c] = node_[lattice_.node(f) + lattice_node(lattice_.k(f), triangle.corner[c][0], triangle.corner[c][1])];
+        ++begin[slot(nodes[c]) + 1];
+      }
+      corners.push_back(nodes);
+    }
+    std::partial_sum(begin.begin(), begin.end(), begin.begin());
+    triangles.resize(3 * corners.size());
+    std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
+    for (std::size_t t = 0; t < corners.size(); ++t) {
+      for (const Index v : corners[t]) triangles[next[slot(v)]++] = t;
+    }
+  }
+
+ private:
+  void number_edges() {
+    first_side_ = first_equal_sides(welded_.triangles);
+    edge_level_.assign(first_side_.size(), 0);
+    for (std::size_t s = 0; s < first_side_.size(); ++s) {
+      std::uint8_t& level = edge_level_[first_side_[s]];
+      level = std::max(level, lattice_.levels[s / 3]);
+    }
+    edge_node_.assign(first_side_.size(), kNone);
+    for (std::size_t s = 0; s < first_side_.size(); ++s) {
+      if (first_side_[s] != s) continue;
+      edge_node_[s] = count_;
+      count_ += (Index{1} << edge_level_[s]) - 1;
+    }
+  }
+
+  void number_facet(Index f) {
+    const Index k = lattice_.k(f);
+    for (Index j = 0; j <= k; ++j) {
+      for (Index i = 0; i + j <= k; ++i) {
+        const PlaceOnSide place = place_on_side(k, i, j);
+        node_.push_back(place.side < 0 ? count_++ : node_on_side(f, k, place));
+      }
+    }
+  }
+
+  Index node_on_side(Index f, Index k, const PlaceOnSide& place) const {
+    const Index start = welded_.triangles(f, place.side);
+    if (place.steps == 0) return start;
+    const std::size_t first = first_side_[3 * slot(f) + slot(place.side)];
+    const Index edge_k = Index{1} << edge_level_[first];
+    const Index steps = place.steps * (edge_k / k);
+    // An edge's nodes are counted from the start of its first side.
+    const bool same = welded_.triangles(static_cast<Eigen::Index>(first / 3), static_cast<Eigen::Index>(first % 3)) == start;
+    return edge_node_[first] + (same ? steps : edge_k - steps) - 1;
+  }
+
+  void place_nodes() {
+    positions_.resize(count_, 3);
+    std::size_t n = 0;
+    for (Index f = 0; f < lattice_.num_facets(); ++f) {
+      const Index k = lattice_.k(f);
+      for (Index j = 0; j <= k; ++j) {
+        for (Index i = 0; i + j <= k; ++i) {
+          const Vec3 b = lattice_barycentric(k, i, j);
+          positions_.row(node_[n++]) = b[0] * lattice_.mesh.vertices.row(lattice_.mesh.triangles(f, 0)) +
+                                       b[1] * lattice_.mesh.vertices.row(lattice_.mesh.triangles(f, 1)) +
+                                       b[2] * lattice_.mesh.vertices.row(lattice_.mesh.triangles(f, 2));
+        }
+      }
+    }
+  }
+
+  const SizingLattice& lattice_;
+  Mesh welded_;
+  Index count_ = 0;
+  std::vector<Index> node_;
+  Points positions_;
+  std::vector<std::size_t> first_side_;
+  std::vector<std::uint8_t> edge_level_;
+  std::vector<Index> edge_node_;
+};
+
+/// The smallest u(x) + g·|x − c| over the segment from a to b, on which u is linear from ua to ub.
+double reach_from_segment(const Vec3& a, const Vec3& b, const Vec3& c, double ua, double ub, double g) {
+  const double length = (b - a).norm();
+  double best = std::min(ua + g * (c - a).norm(), ub + g * (c - b).norm());
+  if (!(length > 0)) return best;
+  const Vec3 along = (b - a) / length;
+  const double slope = (ub - ua) / length, foot = along.dot(c - a), height = (c - a - foot * along).norm();
+  const double rest = g * g - slope * slope;
+  if (!(rest > 0)) return best;
+  // d/dt (ua + slope·t + g √((t − foot)² + height²)) = 0.
+  const double root = std::sqrt(rest), t = foot - slope * height / root;
+  if (t > 0 && t < length) best = std::min(best, ua + slope * foot + height * root);
+  return best;
+}
+
+/// Lowers u to the largest values that no lattice triangle can lower further, smallest first as Dijkstra's algorithm does; a
+/// node that is lowered after its turn (obtuse triangles) has another one.
+void limit_gradation(const NodeGraph& graph, double g, std::vector<double>& u) {
+  // Steps smaller than this are rounding: without it, two nodes could lower each other by last bits for long.
+  constexpr double kLeastStep = 1e-13;
+  using Entry = std::pair<double, Index>;
+  std::vector<Entry> heap(u.size());
+  for (std::size_t n = 0; n < u.size(); ++n) heap[n] = {u[n], static_cast<Index>(n)};
+  std::make_heap(heap.begin(), heap.end(), std::greater<>());
+  while (!heap.empty()) {
+    std::pop_heap(heap.begin(), heap.end(), std::greater<>());
+    const auto [value, node] = heap.back();
+    heap.pop_back();
+    if (value != u[slot(node)]) continue;
+    const Vec3 p = graph.position(node);
+    for (std::size_t i = graph.begin[slot(node)]; i < graph.begin[slot(node) + 1]; ++i) {
+      const auto& corner = graph.corners[graph.triangles[i]];
+      const std::size_t own = corner[0] == node ? 0 : corner[1] == node ? 1 : 2;
+      for (std::size_t k = 1; k <= 2; ++k) {
+        const Index target = corner[(own + k) % 3], other = corner[(own + 3 - k) % 3];
+        if (target == node || u[slot(target)] <= std::min(value, u[slot(other)])) continue;
+        const double lowered = reach_from_segment(p, graph.position(other), graph.position(target), value, u[slot(other)], g);
+        if (!(lowered < u[slot(target)] * (1 - kLeastStep))) continue;
+        u[slot(target)] = lowered;
+        heap.emplace_back(lowered, target);
+        std::push_heap(heap.begin(), heap.end(), std::greater<>());
+      }
+    }
+  }
+}
+
+}  // namespace
+
+SizingField SizingField::limited(double gradation) const {
+  if (!(gradation > 0)) refuse_sizing("the gradation " + std::to_string(gradation) + " is not positive");
+  if (std::isinf(gradation)) return *this;
+  NodeGraph graph(*lattice_);
+  graph.list_triangles();
+  std::vector<double> u(slot(graph.size()), std::numeric_limits<double>::infinity());
+  for (std::size_t n = 0; n < nodes_->size(); ++n) u[slot(graph.node(n))] = std::min(u[slot(graph.node(n))], (*nodes_)[n]);
+  limit_gradation(graph, gradation, u);
+  std::vector<double> nodes(nodes_->size());
+  for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n] = u[slot(graph.node(n))];
+  return {lattice_, std::move(nodes)};
+}
+
 // ---------------------------------------------------------------------------------------------------------------------------
 // Factories
 
@@ -328,6 +574,184 @@ SizingField vertex_sizing(const MeshView& mesh, const Eigen::Ref<const Eigen::Ve
     }
   }
   return SizingFieldAccess::make(std::move(lattice), std::move(nodes));
+}
+
+SizingField vertex_density_sizing(const MeshView& mesh, const Eigen::Ref<const Eigen::VectorXd>& densities) {
+  require_usable(mesh);
+  Eigen::VectorXd radii(densities.size());
+  for (Eigen::Index v = 0; v < densities.size(); ++v) radii[v] = 1 / std::sqrt(densities[v]);
+  for (Index f = 0; f < mesh.num_facets() && densities.size() == mesh.num_vertices(); ++f) {
+    for (int k = 0; k < 3; ++k) {
+      const Index v = mesh.triangles(f, k);
+      if (is_radius(densities[v]) && is_radius(radii[v])) continue;
+      refuse_sizing("the density " + std::to_string(densities[v]) + " of vertex " + std::to_string(v) +
+                    " (0-based) is not positive and finite; correct it");
+    }
+  }
+  return vertex_sizing(mesh, radii);
+}
+
+namespace {
+
+/// Tabulates a function facet by facet.
+class Tabulator {
+ public:
+  Tabulator(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options)
+      : mesh_(mesh), radius_(radius), options_(options), areas_(facet_areas(mesh)) {
+    levels_.assign(areas_.size(), 0);
+    nodes_.reserve(3 * areas_.size());
+    at_vertex_.assign(slot(mesh.num_vertices()), 0.0);
+  }
+
+  SizingField run() {
+    for (Index f = 0; f < mesh_.num_facets(); ++f) tabulate(f);
+    return SizingFieldAccess::make(make_lattice({mesh_.vertices, mesh_.triangles}, std::move(areas_), std::move(levels_)),
+                                   std::move(nodes_));
+  }
+
+ private:
+  static constexpr int kLastLevel = 14;
+
+  double call(Index facet, const Vec3& b) const {
+    SurfacePoint at{facet, b, Vec3::Zero()};
+    at.position = b[0] * mesh_.corner(facet, 0) + b[1] * mesh_.corner(facet, 1) + b[2] * mesh_.corner(facet, 2);
+    const double r = radius_(at);
+    if (is_radius(r)) return r;
+    const auto list = [](const Vec3& v) {
+      return "(" + std::to_string(v[0]) + ", " + std::to_string(v[1]) + ", " + std::to_string(v[2]) + ")";
+    };
+    refuse_sizing("the function gives the radius " + std::to_string(r) + " at " + list(at.position) + ", barycentrics " +
+                  list(b) + " of facet " + std::to_string(facet) + " (0-based); it must be positive and finite everywhere");
+  }
+
+  double at_corner(Index f, int k) {
+    double& value = at_vertex_[slot(mesh_.triangles(f, k))];
+    if (value == 0) value = call(f, Vec3::Unit(k));
+    return value;
+  }
+
+  double at_node(Index f, Index k, Index i, Index j) {
+    const PlaceOnSide place = place_on_side(k, i, j);
+    if (place.side < 0) return call(f, lattice_barycentric(k, i, j));
+    if (place.steps == 0) return at_corner(f, place.side);
+    if (first_side_.empty()) first_side_ = first_equal_sides(mesh_.triangles);
+    const std::size_t first = first_side_[3 * slot(f) + slot(place.side)];
+    const auto owner = static_cast<Index>(first / 3);
+    const int side = static_cast<int>(first % 3);
+    const bool same = mesh_.triangles(owner, side) == mesh_.triangles(f, place.side);
+    const double along = static_cast<double>(same ? place.steps : k - place.steps) / k;
+    Vec3 b = Vec3::Zero();
+    b[side] = 1 - along;
+    b[(side + 1) % 3] = along;
+    return call(owner, b);
+  }
+
+  void tabulate(Index f) {
+    std::vector<double>& now = now_;
+    now.assign({at_corner(f, 0), at_corner(f, 1), at_corner(f, 2)});
+    int level = 0;
+    if (areas_[slot(f)] > 0) {
+      const double edge = longest_edge(f);
+      // The first lattice has edges of an eighth, or of twice the radius.
+      while (fineness(edge, level) > 2 && level < 3) refine(f, level++);
+      while (fineness(edge, level) > options_.finest && worth_refining(f, level)) {
+        coarse_ = now;
+        const bool agreed = refine(f, level) && centroids_agree(f, Index{1} << level);
+        if (agreed) {
+          now.swap(coarse_);
+          break;
+        }
+        ++level;
+      }
+    }
+    levels_[slot(f)] = static_cast<std::uint8_t>(level);
+    nodes_.insert(nodes_.end(), now.begin(), now.end());
+  }
+
+  double longest_edge(Index f) const {
+    const Vec3 a = mesh_.corner(f, 0), b = mesh_.corner(f, 1), c = mesh_.corner(f, 2);
+    return std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+  }
+  /// Lattice edges in units of the smallest radius.
+  double fineness(double edge, int level) const {
+    return std::ldexp(edge, -level) / *std::min_element(now_.begin(), now_.end());
+  }
+  /// False where lattice triangles outnumber what samples justify: large needles, functions with jumps.
+  bool worth_refining(Index f, int level) const {
+    const Index k = Index{1} << level;
+    const std::size_t pieces = slot(k) * slot(k);
+    double sum = 0;
+    for (std::size_t t = 0; t < pieces; ++t) {
+      const LatticeTriangle triangle = nth_lattice_triangle(k, t);
+      std::array<double, 3> radii;
+      for (std::size_t c = 0; c < 3; ++c) radii[c] = now_[lattice_node(k, triangle.corner[c][0], triangle.corner[c][1])];
+      sum += mean_inverse_square(radii);
+    }
+    const double samples = kSamplesPerDensity * areas_[slot(f)] * sum / static_cast<double>(pieces);
+    return level < kLastLevel && 4 * static_cast<double>(pieces) <= 16 * samples + 64;
+  }
+
+  /// Doubles k in now_; true if the new values are what interpolation says.
+  bool refine(Index f, int level) {
+    const Index k = Index{1} << level, fine = 2 * k;
+    if (nodes_.size() + nodes_of_lattice(fine) > options_.max_nodes) {
+      throw Error(ErrorCode::kTooLarge, "sizing: the function needs more than " + std::to_string(options_.max_nodes) +
+                                            " lattice nodes; give larger radii or a larger tolerance");
+    }
+    const std::vector<double> old = now_;
+    const auto at = [&](Index i, Index j) { return old[lattice_node(k, i, j)]; };
+    now_.clear();
+    bool agreed = true;
+    for (Index j = 0; j <= fine; ++j) {
+      for (Index i = 0; i + j <= fine; ++i) {
+        if (i % 2 == 0 && j % 2 == 0) {
+          now_.push_back(at(i / 2, j / 2));
+          continue;
+        }
+        // The ends of the lattice edge that this node is the middle of.
+        const Index di = i % 2, dj = i % 2 == 0 ? 1 : j % 2 == 0 ? 0 : -1;
+        const double linear = (at((i + di) / 2, (j + dj) / 2) + at((i - di) / 2, (j - dj) / 2)) / 2;
+        now_.push_back(at_node(f, fine, i, j));
+        agreed = agreed && std::abs(now_.back() - linear) <= options_.tolerance * now_.back();
+      }
+    }
+    return agreed;
+  }
+
+  /// The same at the centroids of the lattice in coarse_.
+  bool centroids_agree(Index f, Index k) const {
+    for (std::size_t t = 0; t < slot(k) * slot(k); ++t) {
+      const LatticeTriangle triangle = nth_lattice_triangle(k, t);
+      Vec3 b = Vec3::Zero();
+      double linear = 0;
+      for (const auto& corner : triangle.corner) {
+        b += lattice_barycentric(k, corner[0], corner[1]) / 3;
+        linear += coarse_[lattice_node(k, corner[0], corner[1])] / 3;
+      }
+      const double r = call(f, b);
+      if (!(std::abs(r - linear) <= options_.tolerance * r)) return false;
+    }
+    return true;
+  }
+
+  const MeshView& mesh_;
+  const SizingFunction& radius_;
+  const TabulationOptions& options_;
+  std::vector<double> areas_;
+  std::vector<std::uint8_t> levels_;
+  std::vector<double> nodes_;
+  std::vector<double> at_vertex_;        ///< 0: not called yet
+  std::vector<std::size_t> first_side_;  ///< empty until a facet has a lattice
+  std::vector<double> now_, coarse_;     ///< the facet's lattice, and the one before
+};
+
+}  // namespace
+
+SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options) {
+  require_usable(mesh);
+  if (!radius) refuse_sizing("no function given");
+  if (!(options.tolerance > 0 && options.finest > 0)) refuse_sizing("tolerance and finest must be positive");
+  return Tabulator(mesh, radius, options).run();
 }
 
 }  // namespace amps

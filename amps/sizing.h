@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -16,6 +17,14 @@ namespace amps {
 namespace detail {
 struct SizingLattice;
 struct SizingFieldAccess;
+
+/// sin x, |x| ≤ π/2, the same on every platform; the remainder of the series is below x²³/23! < 2e-18.
+inline double portable_sine(double x) {
+  double sum = 0;
+  for (int n = 21; n >= 1; n -= 2) sum = 1 - x * x / ((n + 1.0) * (n + 2.0)) * sum;
+  return x * sum;
+}
+
 }  // namespace detail
 
 /// The wanted disk radius r > 0 at every point of one mesh, absolute units. Piecewise linear: each facet carries a lattice of
@@ -62,6 +71,19 @@ class SizingField {
   /// infinite.
   SizingField clamped(double least, double greatest) const;
 
+  /// clamped(m, ratio·m): the paper's r_max = 16 r_min, with a robust smallest radius m: the `quantile` of radii by area (of
+  /// the means of pieces), so that this part of the surface at most, where r is least, has its radius raised. Throws
+  /// Error(kInvalidArgument) unless ratio ≥ 1 and 0 ≤ quantile < 1. O(pieces · log).
+  SizingField with_ratio(double ratio = 16, double quantile = 0.01) const;
+
+  /// The largest field below this one with |r(x) − r(y)| ≤ gradation·d(x, y) between nodes, d the distance along the surface
+  /// (vertices of equal position are one). Relaxed to a fixed point over lattice triangles: within an error of first order in
+  /// their size, as in fast marching; exactly Lipschitz (to 1e-12) along their edges, and so a fixed point of itself. Distances
+  /// come out too long, r too large, where lattice triangles are very obtuse. Persson, "Mesh size functions for implicit
+  /// geometries and PDE-based gradient limiting", 2006. Throws Error(kInvalidArgument) unless gradation > 0 (infinite: no
+  /// limit). O(nodes · log).
+  SizingField limited(double gradation) const;
+
  private:
   friend struct detail::SizingFieldAccess;
   SizingField(std::shared_ptr<const detail::SizingLattice> lattice, std::vector<double> nodes);
@@ -73,6 +95,13 @@ class SizingField {
 
 /// A maximal set of radii r has about this times ∫dA/r² samples (measured: uniform radii, large sets).
 inline constexpr double kSamplesPerDensity = 0.6965;
+
+/// The gradation for SizingField::limited where nothing else is asked for.
+inline constexpr double kDefaultGradation = 0.3;
+
+/// The factor to scale a field by for about `count` samples: √(kSamplesPerDensity · ∫dA/r² / count). Good to a few percent
+/// where the surface is large beside the disks. Throws Error(kInvalidArgument) for count < 1 or an empty field.
+double count_factor(const SizingField& field, double count);
 
 /// The smaller radius of two fields of one mesh, at the nodes of the finer lattice of each facet: nowhere above either. Throws
 /// Error(kInvalidArgument) if a field is empty or they belong to different meshes.
@@ -86,5 +115,72 @@ SizingField uniform_sizing(const MeshView& mesh, double radius);
 /// Radii at the vertices, linear in each facet. `radii`: one a vertex, > 0 and finite where a facet uses the vertex (the error
 /// names the first that is not). O(#V + #F).
 SizingField vertex_sizing(const MeshView& mesh, const Eigen::Ref<const Eigen::VectorXd>& radii);
+
+/// The same from wanted densities ρ, samples per area up to a constant, > 0 and finite: r = 1/√ρ at the vertices.
+SizingField vertex_density_sizing(const MeshView& mesh, const Eigen::Ref<const Eigen::VectorXd>& densities);
+
+/// A radius for a point of the surface. Called from one thread, several times for some points: it must give the same value for
+/// the same point. Points on edges and vertices come as points of the first facet that has them.
+using SizingFunction = std::function<double(const SurfacePoint&)>;
+
+struct TabulationOptions {
+  /// Lattices are refined until linear interpolation is off by less than this times the radius, at the middles of lattice edges
+  /// and triangles...
+  double tolerance = 0.01;
+  /// ...or lattice edges are shorter than this times the smallest radius in the facet, or the facet has 16 lattice triangles
+  /// for each sample it is going to hold (and 64 more): memory is O(samples + #F).
+  double finest = 0.5;
+  /// More than these nodes are refused with Error(kTooLarge): 8 bytes each.
+  std::size_t max_nodes = 200'000'000;
+};
+
+/// Tabulates a function. Details smaller than an eighth of a facet and than twice the radius around may be missed: give the
+/// mesh facets, or the function radii, of their size. Throws Error(kInvalidArgument), naming the point, if a value is not > 0
+/// and finite. O(#F + nodes) and about 5 calls a node.
+SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options = {});
+
+struct LfsOptions {
+  double scale = 1;  ///< r = scale · lfs
+  /// A medial ball counts if it touches the surface at points seen under at least this angle (degrees) from its centre.
+  /// Smaller: shallower dents and bumps count, and noise with them. Blunt tips: an angle θ overestimates their lfs by about
+  /// θ²/10 (ellipsoid 2:1:1, 40°: 5 %).
+  double min_separation = 40;
+  /// ...and if its radius is at least this times the spacing of samples around. Bounds lfs from below near creases.
+  double min_pole_ratio = 2;
+  /// Facets too coarse for the feature size are sampled inside, about as densely as this many samples would cover the whole
+  /// surface; finer meshes are taken as they are.
+  Index samples = 12'000;
+  double tolerance = 0.02;  ///< of the tabulation inside of large facets
+};
+
+/// Local feature size: the distance of each point (#P by 3, absolute units) to the medial axis of the surface, by poles
+/// (Amenta, Bern & Kamvysselis 1998) from a regular triangulation of samples, filtered by the angle of Dey & Zhao 2004. Poles
+/// of samples on creases (normals spread over 60°) are dropped. Between 1e-6 and 1 times the diagonal of the bounding box: that
+/// is the value where there is no medial axis (a flat surface). 1-Lipschitz in space. Throws Error(kInvalidArgument) for
+/// options out of range and points that are not finite. O(n log n) expected.
+Eigen::VectorXd local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options = {});
+
+/// r = scale · lfs; with it ρ = 1/r² ∝ 1/lfs². At vertices, and tabulated on facets that are large beside it.
+SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options = {});
+
+/// #V greatest absolute principal curvatures, 1/length, estimated from the change of vertex normals over each facet
+/// (Rusinkiewicz, "Estimating curvatures and their derivatives on triangle meshes", 2004; normals by Max 1999), averaged around
+/// a vertex. Edges with more than `crease_angle` degrees between the normals of their facets, and edges without exactly two
+/// facets of one orientation, are creases: nothing is averaged or differenced over them, and a vertex has the greatest of its
+/// sides' values. 0 at isolated vertices. Vertices of equal position are one. Throws Error(kInvalidArgument) unless 0 ≤
+/// crease_angle ≤ 180. O(#F log #F).
+Eigen::VectorXd max_curvature(const MeshView& mesh, double crease_angle = 50);
+
+struct CurvatureOptions {
+  double max_error = 0;      ///< ε: absolute units, > 0
+  double crease_angle = 50;  ///< degrees; curvature across sharper edges does not count
+  double max_radius = 0;     ///< where the surface is flat; 0: the diagonal of the bounding box
+};
+
+/// Radii that keep the triangles of a maximal set within ε of the surface. They have circumradii ≤ r; a triangle of
+/// circumradius r with corners on a sphere of curvature κ is off by up to the sagitta 1/κ − √(1/κ² − r²), so r = √(ε(2/κ − ε))
+/// with κ the max_curvature, and 1/κ where κε ≥ 1. At vertices. Creases are no matter of radii: a triangle across one cuts it
+/// off. Throws Error(kInvalidArgument) unless max_error > 0.
+SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& options);
 
 }  // namespace amps

@@ -1,0 +1,413 @@
+// Local feature size: the distance to the medial axis, by poles. Amenta, Bern & Kamvysselis, "A new Voronoi-based surface
+// reconstruction algorithm", 1998 (poles); Dey & Zhao, "Approximating the medial axis from the Voronoi diagram with a
+// convergence guarantee", 2004 (the angle that tells its sheets from noise). Where we differ: samples are added only where the
+// mesh is too coarse to carry poles; a pole whose ball touches within a small angle, or is no larger than the spacing of
+// samples, is dropped.
+#define AMPS_OWN_SOURCE
+#include "amps/sizing.h"
+
+#include "amps/kdtree.h"
+#include "amps/triangulation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace amps {
+namespace {
+
+using detail::slot;
+
+/// Samples that carry the poles: the corners of all facets with area, and the nodes of a lattice of 4^level triangles on facets
+/// that are coarse beside the feature size. Equal positions are one sample. Everything is multiplied by a power of two, so that
+/// squares and fourth powers of coordinates are doubles.
+class PoleSamples {
+ public:
+  explicit PoleSamples(const MeshView& mesh)
+      : mesh_(mesh), areas_(facet_areas(mesh)), level_(areas_.size(), 0), table_(16, kNone) {
+    const Box box = bounding_box(mesh);
+    int exponent = 0;
+    std::frexp(std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff()), &exponent);
+    scale_ = std::ldexp(1.0, -std::clamp(exponent, -1000, 1000));
+    diagonal_ = (scale_ * box.max - scale_ * box.min).norm();
+    std::vector<Index> sample_of_vertex(slot(mesh.num_vertices()), kNone);
+    for (Index f = 0; f < mesh.num_facets(); ++f) {
+      if (!(areas_[slot(f)] > 0)) continue;
+      total_area_ += areas_[slot(f)] * scale_ * scale_;
+      const Vec3 normal = weighted_normal(f);
+      const double edge = longest_edge(f);
+      for (int k = 0; k < 3; ++k) {
+        Index& sample = sample_of_vertex[slot(mesh.triangles(f, k))];
+        if (sample == kNone) sample = find_or_add(scale_ * mesh.corner(f, k));
+        meet_facet(sample, normal, edge);
+      }
+    }
+  }
+
+  double scale() const { return scale_; }
+  double diagonal() const { return diagonal_; }
+  double total_area() const { return total_area_; }
+  Index size() const { return static_cast<Index>(around_.size()); }
+  Vec3 position(Index s) const { return Eigen::Map<const Vec3>(&coordinates_[3 * slot(s)]); }
+  Eigen::Map<const Points> positions_from(Index first) const {
+    return {coordinates_.data() + 3 * slot(first), size() - first, 3};
+  }
+  /// Longest edge of the (lattice) triangles around a sample.
+  double spacing(Index s) const { return around_[slot(s)].spacing; }
+  /// True if the normals around spread as those of two equal facets with 60° between, or more.
+  bool on_crease(Index s) const {
+    const Surrounding& around = around_[slot(s)];
+    return around.normal.norm() < 0.866 * around.weight;
+  }
+
+  /// True if some facet's (lattice) edges are longer than rounding to a power of two allows.
+  bool coarser_than(double least) const {
+    for (Index f = 0; f < mesh_.num_facets(); ++f) {
+      if (areas_[slot(f)] > 0 && too_coarse(f, level_[slot(f)], least)) return true;
+    }
+    return false;
+  }
+
+  /// Adds what is missing for lattice edges to be no longer than `fraction` of feature(x), but not shorter than `least`.
+  template <class Feature>
+  void refine(double fraction, double least, const Feature& feature) {
+    std::vector<double> at_vertex(slot(mesh_.num_vertices()), -1);
+    for (Index f = 0; f < mesh_.num_facets(); ++f) {
+      if (!(areas_[slot(f)] > 0) || !too_coarse(f, level_[slot(f)], least)) continue;
+      double smallest = feature(scale_ * (mesh_.corner(f, 0) + mesh_.corner(f, 1) + mesh_.corner(f, 2)) / 3);
+      for (int k = 0; k < 3; ++k) {
+        double& value = at_vertex[slot(mesh_.triangles(f, k))];
+        if (value < 0) value = feature(scale_ * mesh_.corner(f, k));
+        smallest = std::min(smallest, value);
+      }
+      refine_facet(f, std::max(least, fraction * smallest));
+    }
+  }
+
+ private:
+  static constexpr int kMaxLevel = 10;
+
+  /// What the facets around a sample are like.
+  struct Surrounding {
+    Vec3 normal = Vec3::Zero();  ///< sum of their normals times area, each turned to agree with those before
+    double weight = 0;           ///< sum of their areas
+    double spacing = 0;
+  };
+
+  Index find_or_add(const Vec3& x) {
+    if (2 * around_.size() >= table_.size()) grow_table();
+    Index& entry = table_[place(x)];
+    if (entry != kNone) return entry;
+    entry = size();
+    coordinates_.insert(coordinates_.end(), {x.x(), x.y(), x.z()});
+    around_.emplace_back();
+    return entry;
+  }
+  std::size_t place(const Vec3& x) const {
+    std::uint64_t hash = 0;
+    for (int k = 0; k < 3; ++k) {
+      const double coordinate = x[k] + 0.0;  // −0 is 0
+      std::uint64_t bits = 0;
+      std::memcpy(&bits, &coordinate, sizeof bits);
+      hash = detail::scramble(hash + bits);
+    }
+    std::size_t at = hash & (table_.size() - 1);
+    while (table_[at] != kNone && position(table_[at]) != x) at = (at + 1) & (table_.size() - 1);
+    return at;
+  }
+  void grow_table() {
+    table_.assign(4 * table_.size(), kNone);
+    for (Index s = 0; s < size(); ++s) table_[place(position(s))] = s;
+  }
+  void meet_facet(Index s, const Vec3& normal, double edge) {
+    Surrounding& around = around_[slot(s)];
+    around.normal += normal.dot(around.normal) < 0 ? Vec3(-normal) : normal;
+    around.weight += normal.norm();
+    around.spacing = std::max(around.spacing, edge);
+  }
+
+  Vec3 weighted_normal(Index f) const {
+    const Vec3 a = scale_ * mesh_.corner(f, 0);
+    return (scale_ * mesh_.corner(f, 1) - a).cross(scale_ * mesh_.corner(f, 2) - a);
+  }
+  double longest_edge(Index f) const {
+    const Vec3 a = scale_ * mesh_.corner(f, 0), b = scale_ * mesh_.corner(f, 1), c = scale_ * mesh_.corner(f, 2);
+    return std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+  }
+
+  bool too_coarse(Index f, int level, double wanted) const { return std::ldexp(longest_edge(f), -level) > 1.4142 * wanted; }
+
+  /// Lattices are nested: old nodes are met again, and their spacing stays what it was on the coarser side. Their number stays
+  /// within a few times that of equilateral triangles of the wanted size; needles get no more.
+  void refine_facet(Index f, double wanted) {
+    const double edge = longest_edge(f), fair = 16 + 10 * areas_[slot(f)] * scale_ * scale_ / (wanted * wanted);
+    const int before = level_[slot(f)];
+    int level = before;
+    while (level < kMaxLevel && too_coarse(f, level, wanted) && std::ldexp(1.0, 2 * level + 2) <= fair) ++level;
+    if (level == before) return;
+    level_[slot(f)] = static_cast<std::uint8_t>(level);
+    const Index k = Index{1} << level, old = Index{1} << (level - before);
+    // Corners in the order of their coordinates: two facets make the same points of a shared edge.
+    std::array<Vec3, 3> corner{scale_ * mesh_.corner(f, 0), scale_ * mesh_.corner(f, 1), scale_ * mesh_.corner(f, 2)};
+    std::sort(corner.begin(), corner.end(), [](const Vec3& a, const Vec3& b) {
+      return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+    });
+    const Vec3 normal = weighted_normal(f);
+    for (Index j = 0; j <= k; ++j) {
+      for (Index i = 0; i + j <= k; ++i) {
+        if (i % old == 0 && j % old == 0) continue;
+        const Vec3 x = (static_cast<double>(k - i - j) * corner[0] + static_cast<double>(i) * corner[1] +
+                        static_cast<double>(j) * corner[2]) /
+                       k;
+        meet_facet(find_or_add(x), normal, edge / k);
+      }
+    }
+  }
+
+  const MeshView& mesh_;
+  std::vector<double> areas_;
+  std::vector<std::uint8_t> level_;
+  std::vector<double> coordinates_;
+  std::vector<Surrounding> around_;
+  std::vector<Index> table_;  ///< samples by position, open addressing
+  double scale_ = 1, diagonal_ = 0, total_area_ = 0;
+};
+
+/// The ball through the corners of a Delaunay cell.
+struct PoleBall {
+  Vec3 center = Vec3::Zero();
+  double squared_radius = -1;  ///< < 0: none, or too flat a cell to tell
+};
+
+PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTriangulation::Cell& cell) {
+  const auto at = [&](std::size_t k) -> Vec3 { return triangulation.point(cell.vertex[k]).position(); };
+  const Vec3 u = at(1) - at(0), v = at(2) - at(0), w = at(3) - at(0);
+  const double uu = u.squaredNorm(), vv = v.squaredNorm(), ww = w.squaredNorm();
+  const Vec3 vw = v.cross(w), wu = w.cross(u), uv = u.cross(v);
+  const double det = u.dot(vw);
+  PoleBall ball;
+  const Vec3 c = (uu * vw + vv * wu + ww * uv) / (2 * det);
+  ball.center = at(0) + c;
+  ball.squared_radius = c.squaredNorm();
+  // The centre solves 2uᵀc = u², … . A relative error e of the right sides and the matrix moves it by at most about
+  // 4 e l² (R + l)·l/|det|, l the longest edge (the inverse's norm is below 2l²/|det|). Demand a hundredth of R, with e =
+  // 2^-50.
+  const double longest = std::sqrt(std::max({uu, vv, ww})), radius = std::sqrt(ball.squared_radius);
+  const bool sound = std::abs(det) * radius > 400 * 0x1p-50 * longest * longest * longest * (radius + longest);
+  if (!sound || !std::isfinite(ball.squared_radius)) ball.squared_radius = -1;
+  return ball;
+}
+
+struct Pole {
+  Vec3 center;
+  double radius;
+};
+
+/// The poles of all samples that pass the filters, in the order of samples.
+class PoleFinder {
+ public:
+  PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation)
+      : samples_(samples), triangulation_(triangulation) {
+    balls_.resize(slot(triangulation.cell_capacity()));
+    for (Index c = 0; c < triangulation.cell_capacity(); ++c) {
+      const auto& cell = triangulation.cell(c);
+      if (cell.alive() && !cell.ghost()) balls_[slot(c)] = pole_ball(triangulation, cell);
+    }
+    find_first();
+    find_second();
+  }
+
+  std::vector<Pole> filtered(double separation, double ratio) const {
+    std::vector<Pole> poles;
+    for (Index s = 0; s < triangulation_.num_vertices(); ++s) {
+      for (const Index c : {first_[slot(s)], second_[slot(s)]}) {
+        if (c == kNone || samples_.on_crease(s)) continue;
+        const PoleBall& ball = balls_[slot(c)];
+        const double radius = std::sqrt(ball.squared_radius);
+        if (radius < ratio * samples_.spacing(s) || longest_edge(c) < separation * radius) continue;
+        poles.push_back({ball.center, radius});
+      }
+    }
+    return poles;
+  }
+
+ private:
+  double longest_edge(Index c) const {
+    const auto& vertex = triangulation_.cell(c).vertex;
+    double longest = 0;
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        longest = std::max(
+            longest, (triangulation_.point(vertex[i]).position() - triangulation_.point(vertex[j]).position()).squaredNorm());
+      }
+    }
+    return std::sqrt(longest);
+  }
+
+  /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
+  /// outward.
+  void find_first() {
+    first_.assign(slot(triangulation_.num_vertices()), kNone);
+    direction_.assign(first_.size(), Vec3::Zero());
+    std::vector<char> on_hull(first_.size(), 0);
+    for (Index c = 0; c < triangulation_.cell_capacity(); ++c) {
+      const auto& cell = triangulation_.cell(c);
+      if (!cell.alive()) continue;
+      if (cell.ghost()) {
+        const Vec3 a = triangulation_.point(cell.vertex[0]).position();
+        const Vec3 normal = (triangulation_.point(cell.vertex[1]).position() - a)
+                                .cross(triangulation_.point(cell.vertex[2]).position() - a)
+                                .stableNormalized();
+        for (std::size_t k = 0; k < 3; ++k) {
+          const std::size_t v = slot(cell.vertex[k]);
+          direction_[v] += normal;
+          on_hull[v] = 1;
+        }
+        continue;
+      }
+      for (const Index v : cell.vertex) {
+        Index& best = first_[slot(v)];
+        const double square = balls_[slot(c)].squared_radius;
+        if (square >= 0 && (best == kNone || square > balls_[slot(best)].squared_radius)) best = c;
+      }
+    }
+    for (std::size_t v = 0; v < first_.size(); ++v) {
+      if (on_hull[v] != 0) {
+        first_[v] = kNone;
+      } else if (first_[v] != kNone) {
+        direction_[v] = balls_[slot(first_[v])].center - triangulation_.point(static_cast<Index>(v)).position();
+      }
+    }
+  }
+
+  /// The farthest on the other side of the surface.
+  void find_second() {
+    second_.assign(first_.size(), kNone);
+    for (Index c = 0; c < triangulation_.cell_capacity(); ++c) {
+      const auto& cell = triangulation_.cell(c);
+      const PoleBall& ball = balls_[slot(c)];
+      if (!cell.alive() || cell.ghost() || ball.squared_radius < 0) continue;
+      for (const Index v : cell.vertex) {
+        Index& best = second_[slot(v)];
+        if (best != kNone && ball.squared_radius <= balls_[slot(best)].squared_radius) continue;
+        if ((ball.center - triangulation_.point(v).position()).dot(direction_[slot(v)]) < 0) best = c;
+      }
+    }
+  }
+
+  const PoleSamples& samples_;
+  const RegularTriangulation& triangulation_;
+  std::vector<PoleBall> balls_;  ///< by cell
+  std::vector<Index> first_, second_;
+  std::vector<Vec3> direction_;
+};
+
+/// One pole for each box of a grid of side `fineness` times the pole's radius, rounded down to a power of two: the poles of a
+/// sphere are all one point, and a search among many that are equally near looks at each.
+Points thinned_poles(const std::vector<Pole>& poles, double fineness) {
+  std::size_t capacity = 16;
+  while (capacity < 2 * poles.size()) capacity *= 2;
+  std::vector<std::uint64_t> table(capacity, 0);
+  std::vector<double> kept;
+  for (const Pole& pole : poles) {
+    int exponent = 0;
+    std::frexp(pole.radius * fineness, &exponent);
+    std::uint64_t key = static_cast<std::uint64_t>(static_cast<std::int64_t>(exponent));
+    for (int k = 0; k < 3; ++k) {
+      const double box = std::floor(std::ldexp(pole.center[k], -exponent));
+      key = detail::scramble(key + 0x9e3779b97f4a7c15u +
+                             static_cast<std::uint64_t>(static_cast<std::int64_t>(std::clamp(box, -0x1p62, 0x1p62))));
+    }
+    key |= 1;  // 0 is an empty entry; two boxes share a key of 63 bits with probability 1e-9 among 1e5 poles
+    std::size_t at = key >> 1 & (capacity - 1);
+    while (table[at] != 0 && table[at] != key) at = (at + 1) & (capacity - 1);
+    if (table[at] == key) continue;
+    table[at] = key;
+    kept.insert(kept.end(), {pole.center.x(), pole.center.y(), pole.center.z()});
+  }
+  return Eigen::Map<const Points>(kept.data(), static_cast<Eigen::Index>(kept.size() / 3), 3);
+}
+
+/// The medial axis of a mesh, as poles.
+class MedialAxis {
+ public:
+  MedialAxis(const MeshView& mesh, const LfsOptions& options) : samples_(mesh) {
+    constexpr double kPi = 3.14159265358979323846;
+    const double separation = 2 * detail::portable_sine(options.min_separation * (kPi / 360));
+    const double least = std::sqrt(samples_.total_area() / (kHexagonal * options.samples));
+    RegularTriangulation triangulation(samples_.positions_from(0));
+    for (int round = 0; round < kRounds && samples_.coarser_than(least); ++round) {
+      // What must be resolved is where the surface comes near itself; near creases that never ends.
+      set_poles(PoleFinder(samples_, triangulation).filtered(kOpposite, 0));
+      const Index before = samples_.size();
+      samples_.refine(kSpacing, least, [this](const Vec3& x) { return scaled_distance(x); });
+      if (samples_.size() == before) break;
+      triangulation.insert(samples_.positions_from(before));
+    }
+    set_poles(PoleFinder(samples_, triangulation).filtered(separation, options.min_pole_ratio));
+  }
+
+  double distance(const Vec3& x) const {
+    return std::clamp(scaled_distance(samples_.scale() * x), kLeast * samples_.diagonal(), samples_.diagonal()) /
+           samples_.scale();
+  }
+
+ private:
+  static constexpr double kHexagonal = 1.1547;  ///< samples per area / spacing² in a hexagonal lattice
+  static constexpr int kRounds = 3;
+  static constexpr double kSpacing = 0.5;  ///< lattice edges beside the feature size
+  static constexpr double kOpposite =
+      1.73;  ///< a ball that touches at 120° or more, as the longest edge of its cell over its radius
+  static constexpr double kFineness = 0.005;  ///< of the grid that thins poles: an error of up to √3 times as much
+  static constexpr double kLeast = 1e-6;
+
+  void set_poles(const std::vector<Pole>& poles) { tree_ = KdTree(thinned_poles(poles, kFineness)); }
+
+  double scaled_distance(const Vec3& x) const {
+    return tree_.size() == 0 ? samples_.diagonal() : std::sqrt(tree_.nearest(x).squared_distance);
+  }
+
+  PoleSamples samples_;
+  KdTree tree_{Points(0, 3)};
+};
+
+void require_lfs_options(const LfsOptions& options) {
+  const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "lfs: " + what); };
+  if (!(options.scale > 0 && std::isfinite(options.scale))) fail("scale must be positive and finite");
+  if (!(options.min_separation >= 0 && options.min_separation <= 180)) fail("min_separation must lie in [0, 180] degrees");
+  if (!(options.min_pole_ratio >= 0 && std::isfinite(options.min_pole_ratio))) fail("min_pole_ratio must not be negative");
+  if (options.samples < 1) fail("samples must be at least 1");
+}
+
+}  // namespace
+
+Eigen::VectorXd local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options) {
+  require_usable(mesh);
+  require_lfs_options(options);
+  for (Eigen::Index i = 0; i < points.rows(); ++i) {
+    if (points.row(i).allFinite()) continue;
+    throw Error(ErrorCode::kInvalidArgument, "lfs: point " + std::to_string(i) + " (0-based) is not finite; remove it");
+  }
+  const MedialAxis axis(mesh, options);
+  Eigen::VectorXd result(points.rows());
+  for (Eigen::Index i = 0; i < points.rows(); ++i) result[i] = axis.distance(points.row(i).transpose());
+  return result;
+}
+
+SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options) {
+  require_usable(mesh);
+  require_lfs_options(options);
+  const MedialAxis axis(mesh, options);
+  TabulationOptions tabulation;
+  tabulation.tolerance = options.tolerance;
+  const SizingField field = function_sizing(
+      mesh, [&](const SurfacePoint& at) { return axis.distance(at.position); }, tabulation);
+  return options.scale == 1 ? field : field.scaled(options.scale);
+}
+
+}  // namespace amps
