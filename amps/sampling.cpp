@@ -635,6 +635,88 @@ SamplingRun finish_run(SamplingTask& task, std::unique_ptr<RestrictedPowerDiagra
   return {{task.set.finish(), task.report, task.status}, std::move(diagram)};
 }
 
+/// ∫ds/r along the boundary of the surface (r = 1 without a field), by Simpson's rule on each edge.
+double boundary_integral(const MeshView& mesh, const SizingField& field) {
+  struct Side {
+    Index end;  ///< the greater vertex of the edge; the lesser has a list of these
+    Index facet;
+    int corner;
+  };
+  const Mesh merged = merge_equal_vertices(mesh);  // soups have no boundary but the surface's
+  const auto lesser_end = [&](Index f, int k) { return std::min(merged.triangles(f, k), merged.triangles(f, (k + 1) % 3)); };
+  std::vector<std::size_t> begin(slot(static_cast<Index>(merged.vertices.rows())) + 2, 0);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    for (int k = 0; k < 3; ++k) ++begin[slot(lesser_end(f, k)) + 2];
+  }
+  for (std::size_t v = 2; v < begin.size(); ++v) begin[v] += begin[v - 1];
+  std::vector<Side> sides(3 * slot(mesh.num_facets()));
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    for (int k = 0; k < 3; ++k) {
+      const Index end = std::max(merged.triangles(f, k), merged.triangles(f, (k + 1) % 3));
+      sides[begin[slot(lesser_end(f, k)) + 1]++] = {end, f, k};
+    }
+  }
+  double sum = 0;
+  for (std::size_t v = 0; v + 1 < begin.size(); ++v) {
+    const auto first = sides.begin() + static_cast<std::ptrdiff_t>(begin[v]);
+    const auto last = sides.begin() + static_cast<std::ptrdiff_t>(begin[v + 1]);
+    std::sort(first, last, [](const Side& a, const Side& b) { return a.end != b.end ? a.end < b.end : a.facet < b.facet; });
+    for (auto at = first; at != last; ++at) {
+      const Side& side = *at;
+      if ((at != first && (at - 1)->end == side.end) || (at + 1 != last && (at + 1)->end == side.end)) continue;
+      const int next = (side.corner + 1) % 3;
+      const auto inverse_radius = [&](double t) {
+        Vec3 b = Vec3::Zero();
+        b[side.corner] = 1 - t;
+        b[next] = t;
+        return field.empty() ? 1.0 : 1 / field.radius(side.facet, b);
+      };
+      const double length = (mesh.corner(side.facet, side.corner) - mesh.corner(side.facet, next)).norm();
+      sum += length / 6 * (inverse_radius(0) + 4 * inverse_radius(0.5) + inverse_radius(1));
+    }
+  }
+  return sum;
+}
+
+/// How many samples a scale s of the radii makes: factor·(κ∫dA/r²/s² + β∫ds/r/s), the second integral along the boundary. On
+/// closed surfaces with κ alone the first guess is within 1 % up to gradations of about 0.1; so it is on the unit square with β,
+/// where κ alone misses by 1.2/√n. What else matters — steep fields, features finer than the radii — the factor learns from the
+/// runs.
+class CountModel {
+ public:
+  CountModel(const MeshView& mesh, const SamplingOptions& options, double area)
+      : target_(options.target_count),
+        inner_(kSamplesPerDensity * (options.sizing.empty() ? area : options.sizing.density_integral())),
+        border_(kSamplesPerBoundary * boundary_integral(mesh, options.sizing)) {
+    // Boundary that is none (cracks) must not rule the count.
+    constexpr double kMostOfTarget = 0.3;
+    border_ = std::min(border_, kMostOfTarget * std::sqrt(target_ * inner_));
+  }
+
+  double scale() const {
+    const double wanted = target_ / factor_;
+    return (border_ + std::sqrt(border_ * border_ + 4 * inner_ * wanted)) / (2 * wanted);
+  }
+
+  /// The count that scale() has led to. Far off, it is believed as it is: the factor varies with the scale. Near, it scatters (by
+  /// about 0.3/√n), and the factor is the mean.
+  void learn(Index count) {
+    const double s = scale();
+    const double seen = count / (inner_ / (s * s) + border_ / s);
+    const double far = 0.03 + 1 / std::sqrt(target_);
+    near_runs_ = std::fabs(count - target_) > far * target_ ? 0 : near_runs_ + 1;
+    factor_ += (seen - factor_) / std::max(1, near_runs_);
+  }
+
+ private:
+  /// Measured on the unit square with uniform radii, n from 10³ to 10⁵; the same with gradations up to 0.1.
+  static constexpr double kSamplesPerBoundary = 0.255;
+
+  double target_, inner_, border_;
+  double factor_ = 1;
+  int near_runs_ = 0;
+};
+
 /// Times and attempts add up over the runs made for one target.
 void add_up(SamplingReport& total, const SamplingReport& run) {
   total.seconds_darts += run.seconds_darts;
@@ -666,15 +748,13 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     return run_once(by_field ? WantedRadii(options.sizing) : WantedRadii(options.radius), options.seed);
   }
 
-  // The count is a random function of the scale, close to density·∫dA/r²: every run improves the estimate of the density.
-  const double integral = by_field ? options.sizing.density_integral() : area;
+  CountModel model(mesh, options, area);
   const double target = options.target_count;
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingRun best;
   SamplingReport total;
-  double density = kSamplesPerDensity, density_sum = 0;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
-    const double scale = std::sqrt(density * integral / target);
+    const double scale = model.scale();
     SamplingRun run = run_once(by_field ? WantedRadii(options.sizing.scaled(scale)) : WantedRadii(scale),
                                options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride);
     if (by_field) run.result.report.sizing_scale = scale;
@@ -684,10 +764,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
       best = std::move(run);
       break;
     }
-    // The first estimate may be far off (thin or rough surfaces): later ones start the mean over.
-    const double estimate = run.result.samples.size() * scale * scale / integral;
-    density_sum = attempt == 2 ? 2 * estimate : density_sum + estimate;
-    density = density_sum / attempt;
+    model.learn(run.result.samples.size());
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;
     if (attempt >= kLeastTargetAttempts && attempt * target > kTargetSamples) break;

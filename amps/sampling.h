@@ -50,8 +50,8 @@ struct SamplingOptions {
   double radius = 0;
   /// Wanted radii over this mesh, absolute units (sizing.h); empty if not used.
   SizingField sizing;
-  /// Wanted number of samples. The radius, or a factor on all of `sizing`, follows from n ≈ 0.70·∫dA/r² and is corrected, by
-  /// further runs with other seeds, until the count is within 1 %. The closest run wins if that never happens (counts below 100
+  /// Wanted number of samples. The radius, or a factor on all of `sizing`, follows from n ≈ 0.70·∫dA/r² + 0.26·∫ds/r (along the
+  /// boundary) and is corrected, by further runs with other seeds, until the count is within 1 %. The closest run wins if that never happens (counts below 100
   /// have no choice but to hit exactly).
   Index target_count = 0;
   /// Means nothing where radii are equal.
