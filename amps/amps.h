@@ -35,6 +35,8 @@
 //   sizing_lfs              (its .cpp only) local feature size, by poles
 //   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
 //   voxel_grid.h     (internal) which samples are near a dart
+//   darts.h          (internal) drawing facets by weight and points by density
+//   count_model.h    (internal) how many samples radii make
 //   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
 //   sampling.h       darts, gap filling, and the certificate that a set is maximal
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all

@@ -1,6 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sampling.h"
 
+#include "amps/count_model.h"
+#include "amps/darts.h"
 #include "amps/gaps.h"
 #include "amps/kdtree.h"
 #include "amps/spatial_sort.h"
@@ -268,79 +270,6 @@ std::vector<double> piece_densities(const SizingField& field) {
   return result;
 }
 
-/// A random point of a triangle of density exactly ∝ 1/r², r linear between the given radii at its corners, ascending and not
-/// all equal. Uniform points by rejection would be drawn (r_max/r_min)² times; so the triangle is cut where r is 2, 4, 8, … times
-/// the least. A band [s, 2s] is chosen by area/s², the level line in it by area, and kept with probability (s/r)² ≥ 1/4.
-/// Arithmetic and square roots only: the same on every platform.
-class BandedTriangle {
- public:
-  explicit BandedTriangle(const std::array<double, 3>& radii) : r_(radii) {
-    double weight = 1;
-    for (double low = r_[0]; low < r_[2]; low *= 2, weight /= 4) {
-      const bool last = num_bands_ + 1 == kMostBands || 2 * low >= r_[2];
-      Band& band = bands_[num_bands_++];
-      band = {low, share_below(low), last ? 1.0 : share_below(2 * low), 0};
-      total_ += weight * (band.share_end - band.share_begin);
-      band.weight_up_to = total_;
-      if (last) break;
-    }
-  }
-
-  Vec3 draw(Rng& rng) const {
-    for (;;) {
-      const double choice = rng.uniform() * total_;
-      std::size_t k = 0;
-      while (k + 1 < num_bands_ && choice >= bands_[k].weight_up_to) ++k;
-      const Band& band = bands_[k];
-      const double r = level(band.share_begin + rng.uniform() * (band.share_end - band.share_begin));
-      if (rng.uniform() * r * r < band.low * band.low) return on_level(r, rng.uniform());
-    }
-  }
-
- private:
-  /// The last band takes all the rest: it comes up with a chance of 4^-31.
-  static constexpr std::size_t kMostBands = 32;
-  struct Band {
-    double low;
-    double share_begin, share_end;  ///< of the triangle's area, from the corner of least radius on
-    double weight_up_to;
-  };
-
-  /// Share of the area where the radius is below r: two similar triangles, cut by the level line of the middle corner.
-  double share_below(double r) const {
-    if (r <= r_[0]) return 0;
-    if (r <= r_[1]) return (r - r_[0]) / (r_[1] - r_[0]) * ((r - r_[0]) / (r_[2] - r_[0]));
-    return 1 - (r_[2] - r) / (r_[2] - r_[1]) * ((r_[2] - r) / (r_[2] - r_[0]));
-  }
-
-  /// The inverse of share_below.
-  double level(double share) const {
-    const double span = r_[2] - r_[0];
-    const double r = share * span <= r_[1] - r_[0] ? r_[0] + std::sqrt(share * (r_[1] - r_[0]) * span)
-                                                   : r_[2] - std::sqrt((1 - share) * (r_[2] - r_[1]) * span);
-    return std::min(std::max(r, r_[0]), r_[2]);
-  }
-
-  /// The point at `along` ∈ [0, 1) of the level line of r.
-  Vec3 on_level(double r, double along) const {
-    const auto between = [&](int from, int to) {
-      const auto low = r_[static_cast<std::size_t>(from)], high = r_[static_cast<std::size_t>(to)];
-      const double t = high > low ? std::min(std::max((r - low) / (high - low), 0.0), 1.0) : 0.0;
-      Vec3 b = Vec3::Zero();
-      b[from] = 1 - t;
-      b[to] = t;
-      return b;
-    };
-    const Vec3 a = between(0, 2), b = r <= r_[1] ? between(0, 1) : between(1, 2);
-    return (1 - along) * a + along * b;
-  }
-
-  std::array<double, 3> r_;
-  std::array<Band, kMostBands> bands_;
-  std::size_t num_bands_ = 0;
-  double total_ = 0;
-};
-
 /// Darts of a sizing field: density exactly ρ = 1/r².
 class FieldDarts {
  public:
@@ -352,7 +281,7 @@ class FieldDarts {
 
   SurfacePoint draw(Rng& rng) const {
     const SizingField::Piece piece = field_.piece(static_cast<std::size_t>(table_.pick(rng)));
-    const Vec3 b = point_in(piece.radii, rng);
+    const Vec3 b = density_barycentric(piece.radii, rng);
     return {piece.facet, b[0] * piece.corners[0] + b[1] * piece.corners[1] + b[2] * piece.corners[2]};
   }
   double radius(const SurfacePoint& at) const { return field_.radius(at); }
@@ -361,28 +290,6 @@ class FieldDarts {
   }
 
  private:
-  static Vec3 point_in(const std::array<double, 3>& radii, Rng& rng) {
-    std::array<std::size_t, 3> order = {0, 1, 2};
-    const auto sort_two = [&](std::size_t i, std::size_t j) {
-      if (radii[order[i]] > radii[order[j]]) std::swap(order[i], order[j]);
-    };
-    sort_two(0, 1);
-    sort_two(1, 2);
-    sort_two(0, 1);
-    const double least = radii[order[0]], greatest = radii[order[2]];
-    if (greatest <= 2 * least) {  // most pieces: every fourth point is kept, or more
-      for (;;) {
-        const Vec3 b = uniform_barycentric(rng);
-        const double r = b[0] * radii[0] + b[1] * radii[1] + b[2] * radii[2];
-        if (rng.uniform() * r * r < least * least) return b;
-      }
-    }
-    const Vec3 sorted = BandedTriangle({least, radii[order[1]], greatest}).draw(rng);
-    Vec3 b;
-    for (std::size_t k = 0; k < 3; ++k) b[static_cast<int>(order[k])] = sorted[static_cast<int>(k)];
-    return b;
-  }
-
   const VoxelGrid& grid_;
   const SizingField& field_;
   bool by_max_;
@@ -635,88 +542,6 @@ SamplingRun finish_run(SamplingTask& task, std::unique_ptr<RestrictedPowerDiagra
   return {{task.set.finish(), task.report, task.status}, std::move(diagram)};
 }
 
-/// ∫ds/r along the boundary of the surface (r = 1 without a field), by Simpson's rule on each edge.
-double boundary_integral(const MeshView& mesh, const SizingField& field) {
-  struct Side {
-    Index end;  ///< the greater vertex of the edge; the lesser has a list of these
-    Index facet;
-    int corner;
-  };
-  const Mesh merged = merge_equal_vertices(mesh);  // soups have no boundary but the surface's
-  const auto lesser_end = [&](Index f, int k) { return std::min(merged.triangles(f, k), merged.triangles(f, (k + 1) % 3)); };
-  std::vector<std::size_t> begin(slot(static_cast<Index>(merged.vertices.rows())) + 2, 0);
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
-    for (int k = 0; k < 3; ++k) ++begin[slot(lesser_end(f, k)) + 2];
-  }
-  for (std::size_t v = 2; v < begin.size(); ++v) begin[v] += begin[v - 1];
-  std::vector<Side> sides(3 * slot(mesh.num_facets()));
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
-    for (int k = 0; k < 3; ++k) {
-      const Index end = std::max(merged.triangles(f, k), merged.triangles(f, (k + 1) % 3));
-      sides[begin[slot(lesser_end(f, k)) + 1]++] = {end, f, k};
-    }
-  }
-  double sum = 0;
-  for (std::size_t v = 0; v + 1 < begin.size(); ++v) {
-    const auto first = sides.begin() + static_cast<std::ptrdiff_t>(begin[v]);
-    const auto last = sides.begin() + static_cast<std::ptrdiff_t>(begin[v + 1]);
-    std::sort(first, last, [](const Side& a, const Side& b) { return a.end != b.end ? a.end < b.end : a.facet < b.facet; });
-    for (auto at = first; at != last; ++at) {
-      const Side& side = *at;
-      if ((at != first && (at - 1)->end == side.end) || (at + 1 != last && (at + 1)->end == side.end)) continue;
-      const int next = (side.corner + 1) % 3;
-      const auto inverse_radius = [&](double t) {
-        Vec3 b = Vec3::Zero();
-        b[side.corner] = 1 - t;
-        b[next] = t;
-        return field.empty() ? 1.0 : 1 / field.radius(side.facet, b);
-      };
-      const double length = (mesh.corner(side.facet, side.corner) - mesh.corner(side.facet, next)).norm();
-      sum += length / 6 * (inverse_radius(0) + 4 * inverse_radius(0.5) + inverse_radius(1));
-    }
-  }
-  return sum;
-}
-
-/// How many samples a scale s of the radii makes: factor·(κ∫dA/r²/s² + β∫ds/r/s), the second integral along the boundary. On
-/// closed surfaces with κ alone the first guess is within 1 % up to gradations of about 0.1; so it is on the unit square with β,
-/// where κ alone misses by 1.2/√n. What else matters — steep fields, features finer than the radii — the factor learns from the
-/// runs.
-class CountModel {
- public:
-  CountModel(const MeshView& mesh, const SamplingOptions& options, double area)
-      : target_(options.target_count),
-        inner_(kSamplesPerDensity * (options.sizing.empty() ? area : options.sizing.density_integral())),
-        border_(kSamplesPerBoundary * boundary_integral(mesh, options.sizing)) {
-    // Boundary that is none (cracks) must not rule the count.
-    constexpr double kMostOfTarget = 0.3;
-    border_ = std::min(border_, kMostOfTarget * std::sqrt(target_ * inner_));
-  }
-
-  double scale() const {
-    const double wanted = target_ / factor_;
-    return (border_ + std::sqrt(border_ * border_ + 4 * inner_ * wanted)) / (2 * wanted);
-  }
-
-  /// The count that scale() has led to. Far off, it is believed as it is: the factor varies with the scale. Near, it scatters (by
-  /// about 0.3/√n), and the factor is the mean.
-  void learn(Index count) {
-    const double s = scale();
-    const double seen = count / (inner_ / (s * s) + border_ / s);
-    const double far = 0.03 + 1 / std::sqrt(target_);
-    near_runs_ = std::fabs(count - target_) > far * target_ ? 0 : near_runs_ + 1;
-    factor_ += (seen - factor_) / std::max(1, near_runs_);
-  }
-
- private:
-  /// Measured on the unit square with uniform radii, n from 10³ to 10⁵; the same with gradations up to 0.1.
-  static constexpr double kSamplesPerBoundary = 0.255;
-
-  double target_, inner_, border_;
-  double factor_ = 1;
-  int near_runs_ = 0;
-};
-
 /// Times and attempts add up over the runs made for one target.
 void add_up(SamplingReport& total, const SamplingReport& run) {
   total.seconds_darts += run.seconds_darts;
@@ -748,7 +573,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     return run_once(by_field ? WantedRadii(options.sizing) : WantedRadii(options.radius), options.seed);
   }
 
-  CountModel model(mesh, options, area);
+  CountModel model(mesh, options.sizing, options.target_count);
   const double target = options.target_count;
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingRun best;

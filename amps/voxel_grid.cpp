@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string>
 #include <utility>
 
 namespace amps::detail {
@@ -370,53 +369,6 @@ void VoxelGrid::grow(Level& level) {
   for (const Slot& slot : old) {
     if (slot.key != kEmptyKey) level.slots[find_slot(level, slot.key)] = slot;
   }
-}
-
-AliasTable::AliasTable(const std::vector<double>& weights) : entries_(weights.size()) {
-  const std::size_t n = weights.size();
-  double largest = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    if (!(weights[i] >= 0 && std::isfinite(weights[i]))) {
-      throw Error(ErrorCode::kInvalidArgument, "AliasTable: weight " + std::to_string(i) +
-                                                   " is negative or not finite; weights must be finite and at least 0");
-    }
-    largest = std::max(largest, weights[i]);
-  }
-  if (!(largest > 0)) throw Error(ErrorCode::kInvalidArgument, "AliasTable: no weight is positive, so nothing can be drawn");
-
-  // Mass of each entry in units of the mean; relative to the largest first, so that the sum cannot overflow.
-  double sum = 0;
-  for (const double w : weights) sum += w / largest;
-  const double to_mean = static_cast<double>(n) / sum;
-  std::vector<double> mass(n);
-  std::vector<Index> light, heavy;
-  for (std::size_t i = 0; i < n; ++i) {
-    mass[i] = weights[i] / largest * to_mean;
-    (mass[i] < 1 ? light : heavy).push_back(static_cast<Index>(i));
-  }
-  while (!light.empty() && !heavy.empty()) {  // fill the column of a light entry up with mass of a heavy one
-    const auto i = static_cast<std::size_t>(light.back());
-    const auto j = static_cast<std::size_t>(heavy.back());
-    light.pop_back();
-    entries_[i] = {mass[i], static_cast<Index>(j)};
-    mass[j] -= 1 - mass[i];
-    if (mass[j] < 1) {
-      light.push_back(static_cast<Index>(j));
-      heavy.pop_back();
-    }
-  }
-  // Only one kind is left over, with a mean mass of 1 but for roundings (n·2^-53 at most): light ones, each below 1, are all
-  // near 1. So no entry of weight 0 is among them.
-  for (const auto* left : {&heavy, &light}) {
-    for (const Index i : *left) entries_[static_cast<std::size_t>(i)] = {1, i};
-  }
-}
-
-Index AliasTable::pick(Rng& rng) const noexcept {
-  // Fewer than 2^31 columns: uniform() favours none of them by more than 2^-22 of its share, and n·uniform() < n.
-  const auto column = static_cast<std::size_t>(rng.uniform() * static_cast<double>(entries_.size()));
-  const Entry& entry = entries_[column];
-  return rng.uniform() < entry.keep ? static_cast<Index>(column) : entry.alias;
 }
 
 }  // namespace amps::detail

@@ -1,5 +1,4 @@
-// voxel_grid.h (internal): what dart throwing stands on — a grid that tells whether a dart is too near to a sample, and a table
-// that draws facets by weight.
+// voxel_grid.h (internal): the grid that tells whether a dart is too near to a sample.
 //
 // Yan & Wonka (2012, §3) use one grid of voxels of diagonal r_min, with at most one sample each, and look at all voxels that a
 // dart's ball meets: 5³ of them where r = r_min, 80³ where r = 16 r_min. We depart from that twice.
@@ -123,24 +122,6 @@ class VoxelGrid {
   std::vector<Level> levels_;              ///< coarsest first
   std::vector<Block> blocks_;
   std::vector<double> weights_;  ///< by id, where radii differ
-};
-
-/// Draws i with probability weights[i] / Σ weights in constant time: Walker's alias method as built by Vose (IEEE TSE 17(9),
-/// 1991). The same table on every platform. Entries of weight 0 are never drawn.
-class AliasTable {
- public:
-  /// Throws Error(kInvalidArgument) if a weight is negative, NaN or infinite, or if none is positive. O(n).
-  explicit AliasTable(const std::vector<double>& weights);
-
-  /// Two draws of `rng`.
-  Index pick(Rng& rng) const noexcept;
-
- private:
-  struct Entry {
-    double keep;  ///< chance of this entry, rather than its alias, once its column is drawn
-    Index alias;
-  };
-  std::vector<Entry> entries_;
 };
 
 }  // namespace amps::detail

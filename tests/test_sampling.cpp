@@ -1041,7 +1041,7 @@ TEST_SUITE("slow") {
     }
   }
 
-  TEST_CASE("sampling: target_count is met within 2 % on real models and for large sets") {
+  TEST_CASE("sampling: target_count is met within 1 % on real models and for large sets") {
     for (const auto& model : amps_test::real_models()) {
       CAPTURE(model.name);
       const auto& [name, mesh, radius] = model;
