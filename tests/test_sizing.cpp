@@ -176,7 +176,7 @@ TEST_CASE("sizing: the density integral of a piece agrees with quadrature, for e
     std::rotate(r.begin(), r.begin() + trial % 3, r.end());
     if (trial % 2 == 0) std::swap(r[0], r[1]);
     const SizingField field = amps::vertex_sizing(mesh, Eigen::Map<const Eigen::Vector3d>(r.data()));
-    REQUIRE(field.density_integral(0) == doctest::Approx(mean_by_quadrature(r, 24)).epsilon(1e-11));
+    REQUIRE(field.density_integral(0) == doctest::Approx(mean_by_quadrature(r, spread > 0.5 ? 250 : 24)).epsilon(1e-11));
   }
 }
 
@@ -285,7 +285,7 @@ TEST_CASE("sizing: scaling, clamping, minimum") {
 TEST_CASE("sizing: a function is tabulated to its tolerance, with memory that the samples justify") {
   const Mesh mesh = amps::make_square(1);
   const auto bump = [](const SurfacePoint& at) {
-    return 0.01 + 0.2 * (at.position - Vec3(0.3, 0.4, 0)).norm() * at.position.x() + 0.01 * at.position.y();
+    return 0.01 + 0.2 * (at.position - Vec3(0.3, 0.4, 0)).squaredNorm() * at.position.x() + 0.01 * at.position.y();
   };
   for (const double tolerance : {0.05, 0.01, 0.001}) {
     amps::TabulationOptions options;
@@ -308,13 +308,22 @@ TEST_CASE("sizing: a function is tabulated to its tolerance, with memory that th
   const Mesh needle = one_triangle({0, 0, 0}, {1000, 0, 0}, {0, 0.001, 0});
   CHECK(amps::function_sizing(needle, [](const SurfacePoint& at) { return 0.01 + 1e-5 * at.position.x(); }).num_pieces() <=
         4096);
-  // One value for one point: also where a vertex or an edge is met from several facets.
-  std::set<std::array<double, 3>> seen;
-  amps::function_sizing(amps::make_cube(1), [&](const SurfacePoint& at) {
-    seen.insert({at.position.x(), at.position.y(), at.position.z()});
+  // Vertices and edges are met from several facets, but always as the same points, to the last bit.
+  std::set<std::array<double, 3>> exact;
+  std::set<std::array<long, 3>> rounded;
+  Mesh cube = amps::make_cube(1);
+  cube.vertices = cube.vertices * some_rotation().transpose();
+  amps::function_sizing(cube, [&](const SurfacePoint& at) {
+    exact.insert({at.position.x(), at.position.y(), at.position.z()});
+    rounded.insert(
+        {std::lround(1e9 * at.position.x()), std::lround(1e9 * at.position.y()), std::lround(1e9 * at.position.z())});
+    Vec3 again = Vec3::Zero();
+    for (int k = 0; k < 3; ++k) again += at.barycentric[k] * vertex_of(cube, at.facet, k);
+    CHECK((again - at.position).norm() < 1e-15);
     return 0.3;
   });
-  CHECK(seen.size() < 12 * 6);
+  CHECK(exact.size() > 100);
+  CHECK(exact.size() == rounded.size());
 }
 
 TEST_CASE("sizing: the ratio clamp starts at a quantile by area; count_factor gives the wanted integral") {
@@ -357,8 +366,8 @@ TEST_CASE("sizing: gradation limiting gives the shortest-path cone on a planar g
         exact = std::min(exact, radii[v] + gradation * (small.vertices.row(v).transpose() - vertex_of(small, f, k)).norm());
       }
       const double r = limited.radius(f, Vec3::Unit(k));
-      // Triangles interpolate along their edges: that may undercut cones by part of an edge.
-      REQUIRE(std::abs(r - exact) <= gradation * 0.5 / 24);
+      // Triangles interpolate along their edges, paths bend at them: off by part of an edge either way.
+      REQUIRE(std::abs(r - exact) <= gradation * 0.75 / 24);
     }
   }
 }
@@ -566,14 +575,18 @@ TEST_CASE("curvature: sphere, cylinder, torus, ellipsoid") {
   CHECK(ratio_spread(amps::max_curvature(spheroid), truth) < 0.05);
   CHECK(mean_error(amps::max_curvature(spheroid), truth) < 0.01);
 
-  // A cylinder of radius 1 without ends, its caps, and their crease.
+  // Half a cylinder of radius 1, right up to its borders (but for its four corners, where all normals are one-sided).
   Mesh cylinder = amps::make_square(40);
   for (Eigen::Index v = 0; v < cylinder.vertices.rows(); ++v) {
-    const double angle = 2 * kPi * cylinder.vertices(v, 0), z = 4 * cylinder.vertices(v, 1);
+    const double angle = kPi * cylinder.vertices(v, 0), z = 4 * cylinder.vertices(v, 1);
     cylinder.vertices.row(v) << std::cos(angle), std::sin(angle), z;
   }
   const Eigen::VectorXd around = amps::max_curvature(cylinder);
-  CHECK(ratio_spread(around, Eigen::VectorXd::Ones(around.size())) < 0.03);
+  for (Eigen::Index v = 0; v < around.size(); ++v) {
+    const double y = cylinder.vertices(v, 1), z = cylinder.vertices(v, 2);
+    const bool corner = y < 0.2 && std::min(z, 4 - z) < 0.25;
+    REQUIRE(around[v] == doctest::Approx(1).epsilon(corner ? 0.7 : 0.01));
+  }
 }
 
 TEST_CASE("curvature: creases, borders and bad facets do no harm") {
