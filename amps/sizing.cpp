@@ -344,23 +344,30 @@ namespace {
 /// First of the sides of all facets with the same two vertices, by 3·facet + k: side k goes from corner k to k + 1.
 std::vector<std::size_t> first_equal_sides(const Triangles& triangles) {
   struct Side {
-    Index low, high;
+    Index high;
     std::size_t side;
   };
+  // By low vertex (a counting sort), then by high vertex and facet.
   const std::size_t n = 3 * slot(static_cast<Index>(triangles.rows()));
+  const auto corner = [&](std::size_t s) {
+    return triangles(static_cast<Eigen::Index>(s / 3), static_cast<Eigen::Index>(s % 3));
+  };
+  const auto end = [&](std::size_t s) { return corner(s % 3 == 2 ? s - 2 : s + 1); };
+  std::vector<std::size_t> begin(slot(n == 0 ? 0 : triangles.maxCoeff()) + 2, 0);
+  for (std::size_t s = 0; s < n; ++s) ++begin[slot(std::min(corner(s), end(s))) + 1];
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
   std::vector<Side> sides(n);
-  for (std::size_t s = 0; s < n; ++s) {
-    const auto f = static_cast<Eigen::Index>(s / 3);
-    const Index a = triangles(f, static_cast<Eigen::Index>(s % 3)), b = triangles(f, static_cast<Eigen::Index>((s + 1) % 3));
-    sides[s] = {std::min(a, b), std::max(a, b), s};
-  }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-    return a.low != b.low ? a.low < b.low : a.high != b.high ? a.high < b.high : a.side < b.side;
-  });
+  for (std::size_t s = 0; s < n; ++s) sides[next[slot(std::min(corner(s), end(s)))]++] = {std::max(corner(s), end(s)), s};
   std::vector<std::size_t> first(n);
-  for (std::size_t i = 0, run = 0; i < n; ++i) {
-    if (sides[i].low != sides[run].low || sides[i].high != sides[run].high) run = i;
-    first[sides[i].side] = sides[run].side;
+  for (std::size_t low = 0; low + 1 < begin.size(); ++low) {
+    std::sort(sides.begin() + static_cast<std::ptrdiff_t>(begin[low]),
+              sides.begin() + static_cast<std::ptrdiff_t>(begin[low + 1]),
+              [](const Side& a, const Side& b) { return a.high != b.high ? a.high < b.high : a.side < b.side; });
+    for (std::size_t i = begin[low], run = i; i < begin[low + 1]; ++i) {
+      if (sides[i].high != sides[run].high) run = i;
+      first[sides[i].side] = sides[run].side;
+    }
   }
   return first;
 }
@@ -485,26 +492,27 @@ class NodeGraph {
   std::vector<Index> edge_node_;
 };
 
-/// The smallest u(x) + g·|x − c| over the segment from a to b, on which u is linear from ua to ub.
+/// The smallest u(x) + g·|x − c| over the inside of the segment from a to b, on which u is linear from ua to ub; infinite if
+/// the ends are no worse.
 double reach_from_segment(const Vec3& a, const Vec3& b, const Vec3& c, double ua, double ub, double g) {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
   const double length = (b - a).norm();
-  double best = std::min(ua + g * (c - a).norm(), ub + g * (c - b).norm());
-  if (!(length > 0)) return best;
+  if (!(length > 0)) return kNone;
   const Vec3 along = (b - a) / length;
   const double slope = (ub - ua) / length, foot = along.dot(c - a), height = (c - a - foot * along).norm();
   const double rest = g * g - slope * slope;
-  if (!(rest > 0)) return best;
+  if (!(rest > 0)) return kNone;
   // d/dt (ua + slope·t + g √((t − foot)² + height²)) = 0.
   const double root = std::sqrt(rest), t = foot - slope * height / root;
-  if (t > 0 && t < length) best = std::min(best, ua + slope * foot + height * root);
-  return best;
+  return t > 0 && t < length ? ua + slope * foot + height * root : kNone;
 }
 
 /// Lowers u to the largest values that no lattice triangle can lower further, smallest first as Dijkstra's algorithm does; a
 /// node that is lowered after its turn (obtuse triangles) has another one.
 void limit_gradation(const NodeGraph& graph, double g, std::vector<double>& u) {
-  // Steps smaller than this are rounding: without it, two nodes could lower each other by last bits for long.
-  constexpr double kLeastStep = 1e-13;
+  // Along edges, smaller steps are rounding. Across triangles they are no better than the scheme is, and among needles, which
+  // lower each other in turn, there is no end of them.
+  constexpr double kEdgeStep = 1e-13, kTriangleStep = 1e-4;
   using Entry = std::pair<double, Index>;
   std::vector<Entry> heap(u.size());
   for (std::size_t n = 0; n < u.size(); ++n) heap[n] = {u[n], static_cast<Index>(n)};
@@ -520,10 +528,14 @@ void limit_gradation(const NodeGraph& graph, double g, std::vector<double>& u) {
       const std::size_t own = corner[0] == node ? 0 : corner[1] == node ? 1 : 2;
       for (std::size_t k = 1; k <= 2; ++k) {
         const Index target = corner[(own + k) % 3], other = corner[(own + 3 - k) % 3];
-        if (target == node || u[slot(target)] <= std::min(value, u[slot(other)])) continue;
-        const double lowered = reach_from_segment(p, graph.position(other), graph.position(target), value, u[slot(other)], g);
-        if (!(lowered < u[slot(target)] * (1 - kLeastStep))) continue;
-        u[slot(target)] = lowered;
+        double& now = u[slot(target)];
+        if (now <= std::min(value, u[slot(other)])) continue;
+        double lowered = value + g * (graph.position(target) - p).norm();
+        if (!(lowered < now * (1 - kEdgeStep))) lowered = now;
+        const double across = reach_from_segment(p, graph.position(other), graph.position(target), value, u[slot(other)], g);
+        if (across < lowered * (1 - kTriangleStep)) lowered = across;
+        if (!(lowered < now)) continue;
+        now = lowered;
         heap.emplace_back(lowered, target);
         std::push_heap(heap.begin(), heap.end(), std::greater<>());
       }

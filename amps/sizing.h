@@ -146,7 +146,7 @@ struct LfsOptions {
   /// θ²/10 (ellipsoid 2:1:1, 40°: 5 %).
   double min_separation = 40;
   /// ...and if its radius is at least this times the spacing of samples around. Bounds lfs from below near creases.
-  double min_pole_ratio = 2;
+  double min_pole_ratio = 1.5;
   /// Facets too coarse for the feature size are sampled inside, about as densely as this many samples would cover the whole
   /// surface; finer meshes are taken as they are.
   Index samples = 12'000;

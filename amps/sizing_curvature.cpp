@@ -146,6 +146,7 @@ class CurvatureEstimator {
   void group_corners() {
     fan_.resize(3 * slot(view_.num_facets()));
     std::iota(fan_.begin(), fan_.end(), std::size_t{0});
+    std::vector<char> smooth_side(fan_.size(), 0);
     struct Side {
       std::size_t low, high, corner;
     };
@@ -165,8 +166,14 @@ class CurvatureEstimator {
       if (normal_of_facet(a / 3).dot(normal_of_facet(b / 3)) < crease_cosine_) continue;
       join(a, next_of(b));
       join(next_of(a), b);
+      smooth_side[a] = smooth_side[b] = 1;
     }
     for (std::size_t c = 0; c < fan_.size(); ++c) fan_[c] = root(c);
+    open_.assign(fan_.size(), 0);
+    for (std::size_t c = 0; c < fan_.size(); ++c) {
+      if (smooth_side[c] != 0) continue;
+      open_[fan_[c]] = open_[fan_[next_of(c)]] = 1;
+    }
   }
 
   void estimate_normals() {
@@ -178,6 +185,36 @@ class CurvatureEstimator {
       if (weight > 0) fan_normals_[fan_[c]] += a.cross(b) / weight;
     }
     for (Vec3& n : fan_normals_) n.stableNormalize();
+    correct_open_fans();
+  }
+
+  /// The facets of an open fan all lie on one side of its vertex, and so does the place that has their mean normal. A facet's
+  /// normal is about the mean of those at its corners: what the corners with closed fans leave is for the others.
+  void correct_open_fans() {
+    std::vector<Vec3> corrected(fan_.size(), Vec3::Zero());
+    for (std::size_t f = 0; 3 * f < fan_.size(); ++f) {
+      const auto corner = corners_of(f);
+      const double weight = (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm();
+      Vec3 left = 3 * normal_of_facet(f);
+      int open = 0;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::size_t fan = fan_[3 * f + k];
+        if (open_[fan] != 0) {
+          ++open;
+        } else {
+          left -= fan_normals_[fan];
+        }
+      }
+      for (std::size_t k = 0; k < 3; ++k) {
+        if (open_[fan_[3 * f + k]] != 0) corrected[fan_[3 * f + k]] += weight / open * left;
+      }
+    }
+    constexpr double kTrusted = 0.866;  // 30°: beyond, the facets are too coarse or uneven for this
+    for (std::size_t fan = 0; fan < fan_.size(); ++fan) {
+      if (open_[fan] == 0 || !(corrected[fan].squaredNorm() > 0)) continue;
+      const Vec3 n = corrected[fan].stableNormalized();
+      if (n.dot(fan_normals_[fan]) > kTrusted) fan_normals_[fan] = n;
+    }
   }
 
   void estimate_tensors() {
@@ -211,6 +248,7 @@ class CurvatureEstimator {
   double crease_cosine_ = 0;
   double scale_ = 1;
   std::vector<std::size_t> fan_;  ///< by corner: the first corner of its fan
+  std::vector<char> open_;        ///< by fan: it does not surround its vertex
   std::vector<Vec3> fan_normals_;
   std::vector<CurvatureTensor> tensors_;  ///< sums, to be divided by
   std::vector<double> weights_;

@@ -35,18 +35,9 @@ class PoleSamples {
     std::frexp(std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff()), &exponent);
     scale_ = std::ldexp(1.0, -std::clamp(exponent, -1000, 1000));
     diagonal_ = (scale_ * box.max - scale_ * box.min).norm();
-    std::vector<Index> sample_of_vertex(slot(mesh.num_vertices()), kNone);
-    for (Index f = 0; f < mesh.num_facets(); ++f) {
-      if (!(areas_[slot(f)] > 0)) continue;
-      total_area_ += areas_[slot(f)] * scale_ * scale_;
-      const Vec3 normal = weighted_normal(f);
-      const double edge = longest_edge(f);
-      for (int k = 0; k < 3; ++k) {
-        Index& sample = sample_of_vertex[slot(mesh.triangles(f, k))];
-        if (sample == kNone) sample = find_or_add(scale_ * mesh.corner(f, k));
-        meet_facet(sample, normal, edge);
-      }
-    }
+    for (Index f = 0; f < mesh.num_facets(); ++f) total_area_ += areas_[slot(f)] * scale_ * scale_;
+    sample_of_vertex_.assign(slot(mesh.num_vertices()), kNone);
+    visit_lattices();
   }
 
   double scale() const { return scale_; }
@@ -59,6 +50,8 @@ class PoleSamples {
   }
   /// Longest edge of the (lattice) triangles around a sample.
   double spacing(Index s) const { return around_[slot(s)].spacing; }
+  /// Unit; the mean of the facets around.
+  Vec3 normal(Index s) const { return around_[slot(s)].normal.normalized(); }
   /// True if the normals around spread as those of two equal facets with 60° between, or more.
   bool on_crease(Index s) const {
     const Surrounding& around = around_[slot(s)];
@@ -77,6 +70,7 @@ class PoleSamples {
   template <class Feature>
   void refine(double fraction, double least, const Feature& feature) {
     std::vector<double> at_vertex(slot(mesh_.num_vertices()), -1);
+    bool finer = false;
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
       if (!(areas_[slot(f)] > 0) || !too_coarse(f, level_[slot(f)], least)) continue;
       double smallest = feature(scale_ * (mesh_.corner(f, 0) + mesh_.corner(f, 1) + mesh_.corner(f, 2)) / 3);
@@ -85,8 +79,9 @@ class PoleSamples {
         if (value < 0) value = feature(scale_ * mesh_.corner(f, k));
         smallest = std::min(smallest, value);
       }
-      refine_facet(f, std::max(least, fraction * smallest));
+      finer |= refine_facet(f, std::max(least, fraction * smallest));
     }
+    if (finer) visit_lattices();
   }
 
  private:
@@ -142,29 +137,46 @@ class PoleSamples {
 
   bool too_coarse(Index f, int level, double wanted) const { return std::ldexp(longest_edge(f), -level) > 1.4142 * wanted; }
 
-  /// Lattices are nested: old nodes are met again, and their spacing stays what it was on the coarser side. Their number stays
-  /// within a few times that of equilateral triangles of the wanted size; needles get no more.
-  void refine_facet(Index f, double wanted) {
-    const double edge = longest_edge(f), fair = 16 + 10 * areas_[slot(f)] * scale_ * scale_ / (wanted * wanted);
+  /// Nodes stay within a few times the number of equilateral triangles of the wanted size; needles get no more.
+  bool refine_facet(Index f, double wanted) {
+    const double fair = 16 + 10 * areas_[slot(f)] * scale_ * scale_ / (wanted * wanted);
     const int before = level_[slot(f)];
     int level = before;
     while (level < kMaxLevel && too_coarse(f, level, wanted) && std::ldexp(1.0, 2 * level + 2) <= fair) ++level;
-    if (level == before) return;
     level_[slot(f)] = static_cast<std::uint8_t>(level);
-    const Index k = Index{1} << level, old = Index{1} << (level - before);
+    return level > before;
+  }
+
+  /// Finds or adds the samples of all lattices, and sees what is around each. Lattices are nested, so samples stay.
+  void visit_lattices() {
+    std::fill(around_.begin(), around_.end(), Surrounding());
+    for (Index f = 0; f < mesh_.num_facets(); ++f) {
+      if (!(areas_[slot(f)] > 0)) continue;
+      const Vec3 normal = weighted_normal(f);
+      const double edge = std::ldexp(longest_edge(f), -level_[slot(f)]);
+      for (int k = 0; k < 3; ++k) {
+        Index& sample = sample_of_vertex_[slot(mesh_.triangles(f, k))];
+        if (sample == kNone) sample = find_or_add(scale_ * mesh_.corner(f, k));
+        meet_facet(sample, normal, edge);
+      }
+      if (level_[slot(f)] > 0) visit_inner_nodes(f, normal, edge);
+    }
+  }
+
+  void visit_inner_nodes(Index f, const Vec3& normal, double edge) {
+    const Index k = Index{1} << level_[slot(f)];
     // Corners in the order of their coordinates: two facets make the same points of a shared edge.
     std::array<Vec3, 3> corner{scale_ * mesh_.corner(f, 0), scale_ * mesh_.corner(f, 1), scale_ * mesh_.corner(f, 2)};
     std::sort(corner.begin(), corner.end(), [](const Vec3& a, const Vec3& b) {
       return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
     });
-    const Vec3 normal = weighted_normal(f);
-    for (Index j = 0; j <= k; ++j) {
-      for (Index i = 0; i + j <= k; ++i) {
-        if (i % old == 0 && j % old == 0) continue;
+    for (Index j = 0; j < k; ++j) {
+      for (Index i = j == 0 ? 1 : 0; i + j <= k; ++i) {
+        if (i == k) continue;
         const Vec3 x = (static_cast<double>(k - i - j) * corner[0] + static_cast<double>(i) * corner[1] +
                         static_cast<double>(j) * corner[2]) /
                        k;
-        meet_facet(find_or_add(x), normal, edge / k);
+        meet_facet(find_or_add(x), normal, edge);
       }
     }
   }
@@ -172,6 +184,7 @@ class PoleSamples {
   const MeshView& mesh_;
   std::vector<double> areas_;
   std::vector<std::uint8_t> level_;
+  std::vector<Index> sample_of_vertex_;
   std::vector<double> coordinates_;
   std::vector<Surrounding> around_;
   std::vector<Index> table_;  ///< samples by position, open addressing
@@ -195,20 +208,24 @@ PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTrian
   ball.center = at(0) + c;
   ball.squared_radius = c.squaredNorm();
   // The centre solves 2uᵀc = u², … . A relative error e of the right sides and the matrix moves it by at most about
-  // 4 e l² (R + l)·l/|det|, l the longest edge (the inverse's norm is below 2l²/|det|). Demand a hundredth of R, with e =
-  // 2^-50.
-  const double longest = std::sqrt(std::max({uu, vv, ww})), radius = std::sqrt(ball.squared_radius);
-  const bool sound = std::abs(det) * radius > 400 * 0x1p-50 * longest * longest * longest * (radius + longest);
-  if (!sound || !std::isfinite(ball.squared_radius)) ball.squared_radius = -1;
+  // 4 e l³ (R + l)/|det|, l the longest edge (the inverse's norm is below 2l²/|det|). Demand a hundredth of R, with e = 2^-50,
+  // and (R + l)² ≤ 2(R² + l²).
+  constexpr double kLimit = 400 * 0x1p-50;
+  const double square = std::max({uu, vv, ww}), radius = ball.squared_radius;
+  const bool sound = det * det * radius > 2 * kLimit * kLimit * square * square * square * (radius + square);
+  if (!sound || !std::isfinite(radius)) ball.squared_radius = -1;
   return ball;
 }
 
 struct Pole {
   Vec3 center;
   double radius;
+  double resolved;  ///< radius over the spacing of samples
+  double apart;     ///< the longest distance between points where the ball touches, over its radius
+  bool opposite;    ///< it touches two sheets, one nearly above the other for the tangent planes of both
 };
 
-/// The poles of all samples that pass the filters, in the order of samples.
+/// The poles of all samples that are not on creases, in the order of samples, and what filters ask of them.
 class PoleFinder {
  public:
   PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation)
@@ -222,31 +239,40 @@ class PoleFinder {
     find_second();
   }
 
-  std::vector<Pole> filtered(double separation, double ratio) const {
-    std::vector<Pole> poles;
+  std::vector<Pole> poles() const {
+    std::vector<Vec3> normals;
+    for (Index s = 0; s < triangulation_.num_vertices(); ++s) normals.push_back(samples_.normal(s));
+    std::vector<Pole> result;
     for (Index s = 0; s < triangulation_.num_vertices(); ++s) {
+      if (samples_.on_crease(s)) continue;
       for (const Index c : {first_[slot(s)], second_[slot(s)]}) {
-        if (c == kNone || samples_.on_crease(s)) continue;
-        const PoleBall& ball = balls_[slot(c)];
-        const double radius = std::sqrt(ball.squared_radius);
-        if (radius < ratio * samples_.spacing(s) || longest_edge(c) < separation * radius) continue;
-        poles.push_back({ball.center, radius});
+        if (c == kNone) continue;
+        const double radius = std::sqrt(balls_[slot(c)].squared_radius), resolved = radius / samples_.spacing(s);
+        // Between sheets closer than the spacing of samples the radii of cells say little, and nothing else is that small.
+        constexpr double kLeastResolved = 0.5;
+        if (resolved < kLeastResolved) continue;
+        result.push_back({balls_[slot(c)].center, radius, resolved, 0, false});
+        see_contacts(c, normals, result.back());
       }
     }
-    return poles;
+    return result;
   }
 
  private:
-  double longest_edge(Index c) const {
+  void see_contacts(Index c, const std::vector<Vec3>& normals, Pole& pole) const {
+    constexpr double kSteep = 0.8;  // cos 37°: between the faces of a cube's edge it is 0.71
     const auto& vertex = triangulation_.cell(c).vertex;
     double longest = 0;
     for (std::size_t i = 0; i < 4; ++i) {
       for (std::size_t j = 0; j < i; ++j) {
-        longest = std::max(
-            longest, (triangulation_.point(vertex[i]).position() - triangulation_.point(vertex[j]).position()).squaredNorm());
+        const Vec3 chord = triangulation_.point(vertex[i]).position() - triangulation_.point(vertex[j]).position();
+        const double square = chord.squaredNorm(), least = kSteep * kSteep * square;
+        const double above = chord.dot(normals[slot(vertex[i])]), below = chord.dot(normals[slot(vertex[j])]);
+        longest = std::max(longest, square);
+        pole.opposite = pole.opposite || (above * above > least && below * below > least);
       }
     }
-    return std::sqrt(longest);
+    pole.apart = std::sqrt(longest) / pole.radius;
   }
 
   /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
@@ -307,14 +333,16 @@ class PoleFinder {
   std::vector<Vec3> direction_;
 };
 
-/// One pole for each box of a grid of side `fineness` times the pole's radius, rounded down to a power of two: the poles of a
-/// sphere are all one point, and a search among many that are equally near looks at each.
-Points thinned_poles(const std::vector<Pole>& poles, double fineness) {
+/// Of the poles that count, one for each box of a grid of side `fineness` times the pole's radius, rounded down to a power of
+/// two: the poles of a sphere are all one point, and a search among many that are equally near looks at each.
+template <class Filter>
+Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filter& counts) {
   std::size_t capacity = 16;
   while (capacity < 2 * poles.size()) capacity *= 2;
   std::vector<std::uint64_t> table(capacity, 0);
   std::vector<double> kept;
   for (const Pole& pole : poles) {
+    if (!counts(pole)) continue;
     int exponent = 0;
     std::frexp(pole.radius * fineness, &exponent);
     std::uint64_t key = static_cast<std::uint64_t>(static_cast<std::int64_t>(exponent));
@@ -341,15 +369,20 @@ class MedialAxis {
     const double separation = 2 * detail::portable_sine(options.min_separation * (kPi / 360));
     const double least = std::sqrt(samples_.total_area() / (kHexagonal * options.samples));
     RegularTriangulation triangulation(samples_.positions_from(0));
+    std::vector<Pole> poles = PoleFinder(samples_, triangulation).poles();
     for (int round = 0; round < kRounds && samples_.coarser_than(least); ++round) {
       // What must be resolved is where the surface comes near itself; near creases that never ends.
-      set_poles(PoleFinder(samples_, triangulation).filtered(kOpposite, 0));
+      set_poles(poles, [](const Pole& pole) { return pole.opposite; });
       const Index before = samples_.size();
       samples_.refine(kSpacing, least, [this](const Vec3& x) { return scaled_distance(x); });
       if (samples_.size() == before) break;
       triangulation.insert(samples_.positions_from(before));
+      poles = PoleFinder(samples_, triangulation).poles();
+      if (samples_.size() - before < kSettled * before) break;
     }
-    set_poles(PoleFinder(samples_, triangulation).filtered(separation, options.min_pole_ratio));
+    set_poles(poles, [&](const Pole& pole) {
+      return pole.opposite || (pole.resolved >= options.min_pole_ratio && pole.apart >= separation);
+    });
   }
 
   double distance(const Vec3& x) const {
@@ -360,13 +393,15 @@ class MedialAxis {
  private:
   static constexpr double kHexagonal = 1.1547;  ///< samples per area / spacing² in a hexagonal lattice
   static constexpr int kRounds = 3;
-  static constexpr double kSpacing = 0.5;  ///< lattice edges beside the feature size
-  static constexpr double kOpposite =
-      1.73;  ///< a ball that touches at 120° or more, as the longest edge of its cell over its radius
+  static constexpr double kSettled = 0.02;    ///< part of samples: after so few new ones there is no further round
+  static constexpr double kSpacing = 0.33;    ///< lattice edges beside the feature size
   static constexpr double kFineness = 0.005;  ///< of the grid that thins poles: an error of up to √3 times as much
   static constexpr double kLeast = 1e-6;
 
-  void set_poles(const std::vector<Pole>& poles) { tree_ = KdTree(thinned_poles(poles, kFineness)); }
+  template <class Filter>
+  void set_poles(const std::vector<Pole>& poles, const Filter& counts) {
+    tree_ = KdTree(thinned_poles(poles, kFineness, counts));
+  }
 
   double scaled_distance(const Vec3& x) const {
     return tree_.size() == 0 ? samples_.diagonal() : std::sqrt(tree_.nearest(x).squared_distance);
@@ -405,6 +440,7 @@ SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options) {
   const MedialAxis axis(mesh, options);
   TabulationOptions tabulation;
   tabulation.tolerance = options.tolerance;
+  tabulation.finest = 1;  // lfs is 1-Lipschitz: a finer mesh resolves it
   const SizingField field = function_sizing(
       mesh, [&](const SurfacePoint& at) { return axis.distance(at.position); }, tabulation);
   return options.scale == 1 ? field : field.scaled(options.scale);
