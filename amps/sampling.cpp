@@ -35,6 +35,12 @@ constexpr int kGapDarts = 64;
 /// Relative distance by which such a dart may be too close: a tenth of what the certificate allows.
 constexpr double kSeparationSlack = 1e-10;
 
+/// Gaps are chosen among so many fragments at a time, in the order of the diagram, which is mostly one of space: where gap filling
+/// works, memory is at hand (0.6 of the time at a million samples). Stretches of some 70 by 70 samples have their gaps chosen in
+/// proportion to ρ × area, as the paper has it for the whole surface, and far stretches do not see each other, so that it does not
+/// matter which comes first; only samples near where two meet are in another order than they would be.
+constexpr std::size_t kFragmentsAtATime = 16384;
+
 constexpr std::uint64_t kDartsPerReport = 1024;
 constexpr Index kInsertionsPerReport = 256;
 
@@ -366,10 +372,15 @@ class SumTree {
     for (at /= 2; at > 0; at /= 2) nodes_[at] = nodes_[2 * at] + nodes_[2 * at + 1];
   }
 
-  /// The leaf where the running sum passes u·total, u in [0, 1); one of positive weight. Requires total() > 0.
-  Index pick(double u) const {
-    double rest = u * total();
+  /// Of the first `stretch` leaves (a power of two, aligned) that have any weight, the one where their running sum passes u times
+  /// their total, u in [0, 1); one of positive weight. Requires total() > 0.
+  Index pick(double u, std::size_t stretch) const {
     std::size_t at = 1;
+    for (std::size_t span = leaves_; span > stretch; span /= 2) {
+      at *= 2;
+      if (!(nodes_[at] > 0)) ++at;
+    }
+    double rest = u * nodes_[at];
     while (at < leaves_) {
       at *= 2;
       // Rounding must not lead into an empty branch.
@@ -421,12 +432,15 @@ class GapFiller {
   }
 
   void run() {
-    const double area_at_start = gaps_.total();
+    const double at_start = gaps_.total();
+    double done = 0;  // ρ in the middle of what is left of a fragment may rise
     for (Index n = 0; gaps_.total() > 0; ++n) {
-      if (n % kInsertionsPerReport == 0 &&
-          !task_.options.progress.report("gap filling", 1 - std::min(1.0, gaps_.total() / area_at_start))) {
-        task_.status = Status::kCancelled;
-        return;
+      if (n % kInsertionsPerReport == 0) {
+        done = std::max(done, 1 - std::min(1.0, gaps_.total() / at_start));
+        if (!task_.options.progress.report("gap filling", done)) {
+          task_.status = Status::kCancelled;
+          return;
+        }
       }
       fill_one();
     }
@@ -460,7 +474,7 @@ class GapFiller {
   }
 
   void fill_one() {
-    const Index f = gaps_.pick(task_.rng.uniform());
+    const Index f = gaps_.pick(task_.rng.uniform(), kFragmentsAtATime);
     const auto polygon = diagram_.polygon(f);
     gap_.assign(fragment_view(task_.mesh, polygon), ball_of(diagram_.site(polygon.site)));
     for (int dart = 0; dart < kGapDarts; ++dart) {
@@ -492,13 +506,14 @@ class GapFiller {
     return slack > 0 && outside(nearby, uniform ? task_.radii.least() * task_.radii.least() : diagram_.site(nearby).w);
   }
 
-  /// What is wanted there; by the max rule no more than the distance to the nearest sample. Its square as rounded, the weight in
-  /// the diagram, does not exceed the squared distance as rounded: the new site hides no other, not even by rounding.
+  /// What is wanted there; by the max rule no more than the distance to the nearest sample, and less by more than the rounding
+  /// of its square: the weight in the diagram is below all exact squared distances, and the new site hides no other.
   double radius_at(const Vec3& x, const SurfacePoint& at) const {
     const double wanted = task_.radii.at(at);
     if (task_.radii.uniform() || task_.options.conflict_rule == ConflictRule::kMin) return wanted;
     const double nearest = task_.grid.nearest_squared_distance(x, wanted);
-    return nearest < wanted * wanted ? root_below(nearest) : wanted;
+    constexpr double kBelowRounding = 1 - 8 * kUnitRoundoff;  // of three squares and their sum
+    return nearest * kBelowRounding < wanted * wanted ? root_below(nearest * kBelowRounding) : wanted;
   }
 
   void insert(const Vec3& x, const SurfacePoint& at, Index near) {

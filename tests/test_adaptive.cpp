@@ -125,7 +125,7 @@ void check_radii(const SampleSet& set, const SizingField& field, double least) {
     above += set.radii[s] > field.radius(set.facets[static_cast<std::size_t>(s)], set.barycentrics.row(s).transpose());
   }
   CHECK(above == 0);
-  CHECK(set.radii.minCoeff() >= least * (1 - 4e-16));
+  CHECK(set.radii.minCoeff() >= least * (1 - 1e-15));
 }
 
 void check_certificate(const Mesh& mesh, const SamplingResult& result, const SamplingOptions& options) {

@@ -14,6 +14,10 @@
 
 #include <benchmark/benchmark.h>
 
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
+
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -150,6 +154,9 @@ double peak_memory() {
 }
 
 double reset_peak_memory() {
+#if defined(__GLIBC__)
+  malloc_trim(0);  // or what earlier cases left in the heap would not count
+#endif
   std::ofstream("/proc/self/clear_refs") << 5;
   return peak_memory();
 }
