@@ -35,10 +35,11 @@ constexpr int kGapDarts = 64;
 /// Relative distance by which such a dart may be too close: a tenth of what the certificate allows.
 constexpr double kSeparationSlack = 1e-10;
 
-/// Gaps are chosen among so many fragments at a time, in the order of the diagram, which is mostly one of space: where gap filling
-/// works, memory is at hand (0.6 of the time at a million samples). Stretches of some 70 by 70 samples have their gaps chosen in
-/// proportion to ρ × area, as the paper has it for the whole surface, and far stretches do not see each other, so that it does not
-/// matter which comes first; only samples near where two meet are in another order than they would be.
+/// Gaps are chosen among so many fragments at a time, along a curve in space: where gap filling works, memory is at hand (two
+/// thirds of the time at a million samples). The paper chooses among all gaps. Stretches that do not touch do not see each other,
+/// so it does not matter which comes first, and within one choice is in proportion to ρ × area; only near where two of them
+/// meet, each some 70 by 70 samples, is the order another. Counts of 24 sets of 19,500 samples: 19,510 ± 8, and 19,505 ± 8 chosen
+/// among all; stretches of 1024 make 0.4 % more, and so do stretches scattered in space.
 constexpr std::size_t kFragmentsAtATime = 16384;
 
 constexpr std::uint64_t kDartsPerReport = 1024;
@@ -428,6 +429,13 @@ double root_below(double s) {
 class GapFiller {
  public:
   GapFiller(SamplingTask& task, RestrictedPowerDiagram& diagram) : task_(task), diagram_(diagram) {
+    leaf_of_.resize(slot(diagram.fragment_capacity()));
+    for (const Index s : curve_order(task.set.points())) {
+      for (Index f = diagram.first_of_site(s); f != kNone; f = diagram.next_of_site(f)) {
+        leaf_of_[slot(f)] = static_cast<Index>(fragment_at_.size());
+        fragment_at_.push_back(f);
+      }
+    }
     for (Index f = 0; f < diagram.fragment_capacity(); ++f) refresh(f);
   }
 
@@ -455,7 +463,15 @@ class GapFiller {
         weight = gap_.assign(fragment_view(task_.mesh, polygon), ball_of(diagram_.site(polygon.site))) * density(polygon);
       }
     }
-    gaps_.set(f, weight);
+    set_weight(f, weight);
+  }
+
+  /// Fragments that come later are the last leaves.
+  void set_weight(Index f, double weight) { gaps_.set(slot(f) < leaf_of_.size() ? leaf_of_[slot(f)] : f, weight); }
+
+  Index choose_fragment() {
+    const Index leaf = gaps_.pick(task_.rng.uniform(), kFragmentsAtATime);
+    return slot(leaf) < fragment_at_.size() ? fragment_at_[slot(leaf)] : leaf;
   }
 
   bool surely_covered(Index f) const {
@@ -474,7 +490,7 @@ class GapFiller {
   }
 
   void fill_one() {
-    const Index f = gaps_.pick(task_.rng.uniform(), kFragmentsAtATime);
+    const Index f = choose_fragment();
     const auto polygon = diagram_.polygon(f);
     gap_.assign(fragment_view(task_.mesh, polygon), ball_of(diagram_.site(polygon.site)));
     for (int dart = 0; dart < kGapDarts; ++dart) {
@@ -486,7 +502,7 @@ class GapFiller {
       }
     }
     ++task_.report.unfilled_gaps;
-    gaps_.set(f, 0.0);
+    set_weight(f, 0.0);
   }
 
   /// Rounding may move a point of the gap into a ball: the doubles themselves are tested, exactly unless slack is given.
@@ -528,6 +544,7 @@ class GapFiller {
   RestrictedPowerDiagram& diagram_;
   FragmentGap gap_;
   SumTree gaps_;
+  std::vector<Index> leaf_of_, fragment_at_;  ///< fragments of the start in the order of a curve over their sites, and back
 };
 
 /// Second stage: the diagram of the samples so far, filled until no gap is left.
