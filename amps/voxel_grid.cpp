@@ -208,7 +208,7 @@ bool VoxelGrid::visit_below(const Place& p, int level, const Slot& parent, const
   const double side = static_cast<double>(std::uint64_t{1} << shift);
   double at[3];      // p, in voxels of the finest level
   double gap[3][2];  // its squared distance from the lower and the upper half of the parent
-  int near = 0;
+  unsigned near = 0;  // the octant of the parent that p is in, or nearest to
   for (std::size_t axis = 0; axis < 3; ++axis) {
     at[axis] = static_cast<double>(p.cell[axis]) + p.within[axis];
     const double middle = static_cast<double>((2 * cell[axis] + 1) << shift);
@@ -216,12 +216,12 @@ bool VoxelGrid::visit_below(const Place& p, int level, const Slot& parent, const
     const double to_upper = std::max({middle - at[axis], at[axis] - middle - side, 0.0});
     gap[axis][0] = to_lower * to_lower;
     gap[axis][1] = to_upper * to_upper;
-    near |= at[axis] >= middle ? 1 << axis : 0;
+    near |= at[axis] >= middle ? 1u << axis : 0u;
   }
   const double to_squared_distance = (1 - 4 * kVoxelExcess) / (per_cell_ * per_cell_);
   for (const int step : kNearestOctantsFirst) {
-    const int octant = near ^ step;
-    if ((parent.children >> octant & 1) == 0) continue;
+    const unsigned octant = near ^ static_cast<unsigned>(step);
+    if ((parent.children >> octant & 1u) == 0) continue;
     const std::size_t bit[3] = {octant & 1u, octant >> 1 & 1u, octant >> 2 & 1u};
     if (!((gap[0][bit[0]] + gap[1][bit[1]] + gap[2][bit[2]]) * to_squared_distance < limit)) continue;
     const Cell child = {2 * cell[0] + bit[0], 2 * cell[1] + bit[1], 2 * cell[2] + bit[2]};

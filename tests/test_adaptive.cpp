@@ -68,15 +68,18 @@ Vec3 sample_at(const SampleSet& set, Index s) { return set.positions.row(s).tran
 
 /// Oracle: all pairs.
 double separation_of_all_pairs(const SampleSet& set, ConflictRule rule) {
+  const double* const x = set.positions.data();  // plain arrays: Eigen is slow without optimisation
+  const double* const r = set.radii.data();
   double worst = INFINITY;
   for (Index s = 0; s < set.size(); ++s) {
     for (Index t = 0; t < s; ++t) {
-      const double a = set.radii[s], b = set.radii[t];
-      const double distance = (set.positions.row(s) - set.positions.row(t)).norm();
-      worst = std::min(worst, distance / (rule == ConflictRule::kMax ? std::max(a, b) : std::min(a, b)));
+      const double dx = x[3 * s] - x[3 * t], dy = x[3 * s + 1] - x[3 * t + 1], dz = x[3 * s + 2] - x[3 * t + 2];
+      const double radius = (r[s] > r[t]) == (rule == ConflictRule::kMax) ? r[s] : r[t];
+      const double ratio = (dx * dx + dy * dy + dz * dz) / (radius * radius);
+      if (ratio < worst) worst = ratio;
     }
   }
-  return worst;
+  return std::sqrt(worst);
 }
 
 /// Oracle: a triangle is covered if one ball contains its corners; else both halves of it are looked at, among the balls that
@@ -234,7 +237,7 @@ ErrorCode error_of(const std::function<void()>& call) {
 }
 
 bool same_rows(const SampleSet& a, const SampleSet& b) {
-  return a.positions == b.positions && a.radii == b.radii && a.facets == b.facets && a.barycentrics == b.barycentrics;
+  return a.size() == b.size() && a.positions == b.positions && a.radii == b.radii && a.facets == b.facets && a.barycentrics == b.barycentrics;
 }
 
 }  // namespace

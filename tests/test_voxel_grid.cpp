@@ -153,7 +153,7 @@ TEST_CASE("voxel_grid: with many radii it agrees with all pairs, by either rule,
       VoxelGrid grid(box, least, greatest);
       std::vector<Stored> samples;
       int by_max = 0, by_min = 0;
-      for (int dart = 0; dart < 2500; ++dart) {
+      for (int dart = 0; dart < 1200; ++dart) {
         Vec3 x = point_in_box(rng, box);
         if (dart % 7 == 0) x += least * (2 * Vec3(rng.uniform(), rng.uniform(), rng.uniform()) - Vec3::Ones());
         if (dart % 3 == 0 && !samples.empty()) {  // near some sample, where small ones crowd
@@ -197,7 +197,7 @@ TEST_CASE("voxel_grid: with many radii it agrees with all pairs, by either rule,
         }
       }
       CHECK(by_max > 100);
-      CHECK(by_min > 10);
+      CHECK(by_min > 5);
     }
   }
 }
