@@ -313,6 +313,30 @@ TEST_CASE("adaptive: worst separation agrees with all pairs whether or not a set
   }
 }
 
+TEST_CASE("adaptive: the worst pair of a bad set need not be neighbours, and is found") {
+  // In bad sets that hide nothing, too: there the diagram's neighbours do not tell.
+  const Mesh mesh = amps::make_square(1);
+  Rng rng(12);
+  int visible_sets = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    const Index n = 4 + static_cast<Index>(rng.below(12));
+    SampleSet set{amps::Points(n, 3), Eigen::VectorXd(n), {}, {}};
+    for (Index s = 0; s < n; ++s) {
+      set.positions.row(s) << rng.uniform(), rng.uniform(), 0.05 * rng.uniform();
+      set.radii[s] = 0.05 + 0.3 * rng.uniform();
+    }
+    const amps::RestrictedPowerDiagram diagram(mesh, set.positions, set.radii.cwiseAbs2());
+    bool all_visible = true;
+    for (Index s = 0; s < n; ++s) all_visible = all_visible && diagram.visible(s);
+    visible_sets += all_visible;
+    for (const ConflictRule rule : {ConflictRule::kMax, ConflictRule::kMin}) {
+      REQUIRE(amps::verify_maximal(mesh, set, 1, rule).worst_separation ==
+              doctest::Approx(separation_of_all_pairs(set, rule)).epsilon(1e-12));
+    }
+  }
+  CHECK(visible_sets > 100);
+}
+
 TEST_CASE("adaptive: the first dart has density 1/r², in large triangles too") {
   struct Case {
     Mesh mesh;
