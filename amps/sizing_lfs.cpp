@@ -58,10 +58,10 @@ class PoleSamples {
     return around.normal.norm() < 0.866 * around.weight;
   }
 
-  /// True if some facet's (lattice) edges are longer than rounding to a power of two allows.
+  /// True if refine() might have something to do.
   bool coarser_than(double least) const {
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
-      if (areas_[slot(f)] > 0 && too_coarse(f, level_[slot(f)], least)) return true;
+      if (may_refine(f, least)) return true;
     }
     return false;
   }
@@ -72,7 +72,7 @@ class PoleSamples {
     std::vector<double> at_vertex(slot(mesh_.num_vertices()), -1);
     bool finer = false;
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
-      if (!(areas_[slot(f)] > 0) || !too_coarse(f, level_[slot(f)], least)) continue;
+      if (!may_refine(f, least)) continue;
       double smallest = feature(scale_ * (mesh_.corner(f, 0) + mesh_.corner(f, 1) + mesh_.corner(f, 2)) / 3);
       for (int k = 0; k < 3; ++k) {
         double& value = at_vertex[slot(mesh_.triangles(f, k))];
@@ -136,6 +136,11 @@ class PoleSamples {
   }
 
   bool too_coarse(Index f, int level, double wanted) const { return std::ldexp(longest_edge(f), -level) > 1.4142 * wanted; }
+  /// False for what may stay as it is whatever the feature size. Facets without a lattice are given twice as much room: a mesh
+  /// whose own vertices will do should not be triangulated twice for a few long edges.
+  bool may_refine(Index f, double least) const {
+    return areas_[slot(f)] > 0 && too_coarse(f, level_[slot(f)], level_[slot(f)] == 0 ? 2 * least : least);
+  }
 
   /// Nodes stay within a few times the number of equilateral triangles of the wanted size; needles get no more.
   bool refine_facet(Index f, double wanted) {

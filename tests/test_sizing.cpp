@@ -631,6 +631,16 @@ TEST_CASE("sizing: real meshes of all kinds have fields") {
   }
 }
 
+TEST_CASE("sizing: values for vertices are read from text") {
+  const Eigen::VectorXd values = amps::parse_values("\xEF\xBB\xBF# radii\n1 2.5\t-3e-2 # more\r\n\r\n 4\r5");
+  REQUIRE(values.size() == 5);
+  CHECK(values == (Eigen::VectorXd(5) << 1, 2.5, -0.03, 4, 5).finished());
+  CHECK(error_of([] { amps::parse_values("1 2\n3 x 4\n", "radii.txt"); }).find("radii.txt: line 2") == 0);
+  CHECK(error_of([] { amps::parse_values("1\n1e999\n"); }).find("line 2") != std::string::npos);
+  CHECK(error_of([] { amps::parse_values("# nothing\n"); }).find("no number") != std::string::npos);
+  CHECK(error_of([] { amps::read_values("/no/such/file"); }).find("/no/such/file") != std::string::npos);
+}
+
 TEST_CASE("sizing: errors name the trouble") {
   const Mesh mesh = amps::make_square(1);
   const auto values = [](double a) { return Eigen::Vector4d(1, 1, a, 1); };
