@@ -78,10 +78,10 @@ class SizingField {
 
   /// The largest field below this one with |r(x) − r(y)| ≤ gradation·d(x, y) between nodes, d the distance along the surface
   /// (vertices of equal position are one). Relaxed to a fixed point over lattice triangles: within an error of first order in
-  /// their size, as in fast marching; exactly Lipschitz (to 1e-12) along their edges, and so a fixed point of itself. Distances
-  /// come out too long, r too large, where lattice triangles are very obtuse. Persson, "Mesh size functions for implicit
-  /// geometries and PDE-based gradient limiting", 2006. Throws Error(kInvalidArgument) unless gradation > 0 (infinite: no
-  /// limit). O(nodes · log).
+  /// their size, as in fast marching, and 1e-4 of r; Lipschitz to rounding along their edges; limiting again changes nothing.
+  /// Distances come out too long, r too large, where lattice triangles are very obtuse. Persson, "Mesh size functions for
+  /// implicit geometries and PDE-based gradient limiting", 2006. Throws Error(kInvalidArgument) unless gradation > 0 (infinite:
+  /// no limit). O(nodes · log).
   SizingField limited(double gradation) const;
 
  private:
@@ -154,9 +154,10 @@ struct LfsOptions {
 };
 
 /// Local feature size: the distance of each point (#P by 3, absolute units) to the medial axis of the surface, by poles
-/// (Amenta, Bern & Kamvysselis 1998) from a regular triangulation of samples, filtered by the angle of Dey & Zhao 2004. Poles
-/// of samples on creases (normals spread over 60°) are dropped. Between 1e-6 and 1 times the diagonal of the bounding box: that
-/// is the value where there is no medial axis (a flat surface). 1-Lipschitz in space. Throws Error(kInvalidArgument) for
+/// (Amenta, Bern & Kamvysselis 1998) from a regular triangulation of samples, filtered by the angle of Dey & Zhao 2004 and by
+/// the spacing of samples, but that balls between two sheets count down to half of it. Sheets closer than that may be missed or
+/// have values too large. Between 1e-6 and 1 times the diagonal of the bounding box, which is also the value where there is no
+/// medial axis: on flat surfaces. 1-Lipschitz in space. Poles are thinned: errors of 1 %. Throws Error(kInvalidArgument) for
 /// options out of range and points that are not finite. O(n log n) expected.
 Eigen::VectorXd local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options = {});
 

@@ -52,12 +52,6 @@ class PoleSamples {
   double spacing(Index s) const { return around_[slot(s)].spacing; }
   /// Unit; the mean of the facets around.
   Vec3 normal(Index s) const { return around_[slot(s)].normal.normalized(); }
-  /// True if the normals around spread as those of two equal facets with 60° between, or more.
-  bool on_crease(Index s) const {
-    const Surrounding& around = around_[slot(s)];
-    return around.normal.norm() < 0.866 * around.weight;
-  }
-
   /// True if refine() might have something to do.
   bool coarser_than(double least) const {
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
@@ -90,7 +84,6 @@ class PoleSamples {
   /// What the facets around a sample are like.
   struct Surrounding {
     Vec3 normal = Vec3::Zero();  ///< sum of their normals times area, each turned to agree with those before
-    double weight = 0;           ///< sum of their areas
     double spacing = 0;
   };
 
@@ -122,7 +115,6 @@ class PoleSamples {
   void meet_facet(Index s, const Vec3& normal, double edge) {
     Surrounding& around = around_[slot(s)];
     around.normal += normal.dot(around.normal) < 0 ? Vec3(-normal) : normal;
-    around.weight += normal.norm();
     around.spacing = std::max(around.spacing, edge);
   }
 
@@ -230,7 +222,7 @@ struct Pole {
   bool opposite;    ///< it touches two sheets, one nearly above the other for the tangent planes of both
 };
 
-/// The poles of all samples that are not on creases, in the order of samples, and what filters ask of them.
+/// The poles of all samples, in their order, and what filters ask of them.
 class PoleFinder {
  public:
   PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation)
@@ -249,7 +241,6 @@ class PoleFinder {
     for (Index s = 0; s < triangulation_.num_vertices(); ++s) normals.push_back(samples_.normal(s));
     std::vector<Pole> result;
     for (Index s = 0; s < triangulation_.num_vertices(); ++s) {
-      if (samples_.on_crease(s)) continue;
       for (const Index c : {first_[slot(s)], second_[slot(s)]}) {
         if (c == kNone) continue;
         const double radius = std::sqrt(balls_[slot(c)].squared_radius), resolved = radius / samples_.spacing(s);
