@@ -1,6 +1,13 @@
 // sizing.h: how large the disks are, point by point of a surface. A sizing field gives the wanted radius r > 0 everywhere:
-// uniform, from values at vertices or from a function of one's own, then combined, clamped, limited in gradation and scaled to
-// a wanted number of samples.
+// uniform, from values at vertices, from a function of one's own, from the local feature size or from curvature; then combined,
+// clamped, limited in gradation and scaled to a wanted number of samples.
+//
+// A maximal Poisson-disk set has triangles as good as its radii are even: the gradation of the field, how fast r may change
+// along the surface, sets the worst angle. So the usual way is
+//
+//   SizingField field = for_count(lfs_sizing(mesh).with_ratio(16), 12000);
+//
+// which scales the field and limits its gradation. Scaling a limited field would multiply its gradation too.
 #pragma once
 
 #include "amps/base.h"
@@ -102,6 +109,11 @@ inline constexpr double kDefaultGradation = 0.3;
 /// The factor to scale a field by for about `count` samples: √(kSamplesPerDensity · ∫dA/r² / count). Good to a few percent
 /// where the surface is large beside the disks. Throws Error(kInvalidArgument) for count < 1 or an empty field.
 double count_factor(const SizingField& field, double count);
+
+/// The field scaled by some s and then limited in gradation, for about `count` samples in all: s is such that
+/// kSamplesPerDensity · ∫dA/r² is within 0.1 % of `count`. An infinite gradation gives field.scaled(count_factor(field,
+/// count)). Throws as count_factor and SizingField::limited. A few times the cost of limited().
+SizingField for_count(const SizingField& field, double count, double gradation = kDefaultGradation);
 
 /// The smaller radius of two fields of one mesh, at the nodes of the finer lattice of each facet: nowhere above either. Throws
 /// Error(kInvalidArgument) if a field is empty or they belong to different meshes.

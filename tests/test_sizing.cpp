@@ -430,6 +430,29 @@ TEST_CASE("sizing: limited fields are Lipschitz along lattice edges, below the o
   }
 }
 
+TEST_CASE("sizing: for_count reaches the count with the gradation it is given, also where that binds") {
+  const Mesh mesh = amps_test::data_mesh_or("bunny_3k_closed.off", amps::make_ellipsoid(5120, {1, 0.6, 0.3}));
+  const SizingField field = amps::lfs_sizing(mesh).with_ratio(16);
+  double before = std::numeric_limits<double>::infinity();
+  for (const double count : {100.0, 1000.0, 10000.0, 1e6}) {
+    for (const double gradation : {0.1, amps::kDefaultGradation}) {
+      const SizingField fitted = amps::for_count(field, count, gradation);
+      CHECK(amps::kSamplesPerDensity * fitted.density_integral() == doctest::Approx(count).epsilon(1e-3));
+      CHECK(steepest(mesh, fitted) <= gradation * (1 + 1e-6));
+      CHECK(fitted.max_radius() <= 16 * fitted.min_radius() * (1 + 1e-12));
+      require_same(fitted.limited(gradation), fitted);
+      // The least radius is limited by nothing, so it tells the factor; limiting makes disks smaller, so that is above plain
+      // scaling's.
+      CHECK(fitted.min_radius() / field.min_radius() >= amps::count_factor(field, count) * (1 - 1e-3));
+    }
+    const double least = amps::for_count(field, count).min_radius();
+    CHECK(least < before);
+    before = least;
+  }
+  require_same(amps::for_count(field, 500, std::numeric_limits<double>::infinity()),
+               field.scaled(amps::count_factor(field, 500)));
+}
+
 TEST_CASE("sizing: gradation limiting treats a soup as the mesh it stands for") {
   const Mesh mesh = amps::make_cube(3), soup = soup_of(mesh);
   const auto radius = [](const SurfacePoint& at) { return 0.02 + at.position.squaredNorm(); };
@@ -690,6 +713,8 @@ TEST_CASE("sizing: errors name the trouble") {
   CHECK(error_of([&] { amps::uniform_sizing(mesh, 1).with_ratio(0.5); }) != "");
   CHECK(error_of([&] { amps::count_factor(SizingField(), 10); }) != "");
   CHECK(error_of([&] { amps::count_factor(amps::uniform_sizing(mesh, 1), 0); }) != "");
+  CHECK(error_of([&] { amps::for_count(amps::uniform_sizing(mesh, 1), 10, -1); }) != "");
+  CHECK(error_of([&] { amps::for_count(SizingField(), 10); }) != "");
   CHECK(error_of([&] {
           min(amps::uniform_sizing(mesh, 1), amps::uniform_sizing(amps::make_square(2), 1));
         }).find("different") != std::string::npos);
