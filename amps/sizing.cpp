@@ -545,17 +545,69 @@ void limit_gradation(const NodeGraph& graph, double g, std::vector<double>& u) {
 
 }  // namespace
 
-SizingField SizingField::limited(double gradation) const {
+namespace {
+
+void require_gradation(double gradation) {
   if (!(gradation > 0)) refuse_sizing("the gradation " + std::to_string(gradation) + " is not positive");
-  if (std::isinf(gradation)) return *this;
-  NodeGraph graph(*lattice_);
-  graph.list_triangles();
-  std::vector<double> u(slot(graph.size()), std::numeric_limits<double>::infinity());
-  for (std::size_t n = 0; n < nodes_->size(); ++n) u[slot(graph.node(n))] = std::min(u[slot(graph.node(n))], (*nodes_)[n]);
-  limit_gradation(graph, gradation, u);
-  std::vector<double> nodes(nodes_->size());
-  for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n] = u[slot(graph.node(n))];
-  return {lattice_, std::move(nodes)};
+}
+
+/// limited() for several multiples of one field.
+class GradationLimiter {
+ public:
+  explicit GradationLimiter(const SizingField& field)
+      : lattice_(SizingFieldAccess::lattice(field)),
+        graph_(*lattice_),
+        least_(slot(graph_.size()), std::numeric_limits<double>::infinity()) {
+    graph_.list_triangles();
+    const std::vector<double>& nodes = SizingFieldAccess::nodes(field);
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+      double& least = least_[slot(graph_.node(n))];
+      least = std::min(least, nodes[n]);
+    }
+  }
+
+  SizingField limited(double factor, double gradation) const {
+    std::vector<double> u = least_;
+    for (double& r : u) r *= factor;
+    limit_gradation(graph_, gradation, u);
+    std::vector<double> nodes(lattice_->num_nodes());
+    for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n] = u[slot(graph_.node(n))];
+    return SizingFieldAccess::make(lattice_, std::move(nodes));
+  }
+
+ private:
+  const std::shared_ptr<const SizingLattice> lattice_;
+  NodeGraph graph_;
+  std::vector<double> least_;  ///< by node of the graph: where entries of the table disagree, the smallest
+};
+
+}  // namespace
+
+SizingField SizingField::limited(double gradation) const {
+  require_gradation(gradation);
+  return std::isinf(gradation) ? *this : GradationLimiter(*this).limited(1, gradation);
+}
+
+SizingField for_count(const SizingField& field, double count, double gradation) {
+  require_gradation(gradation);
+  const double unlimited = count_factor(field, count);
+  if (std::isinf(gradation)) return field.scaled(unlimited);
+  const GradationLimiter limiter(field);
+  // The mean size of disks over the wanted one grows with s, in proportion where nothing is limited: false position with
+  // halving (Illinois) takes a few steps. The limit makes disks smaller, so s is not below `unlimited`.
+  constexpr double kClose = 4e-4;
+  constexpr int kMostSteps = 40;
+  double low = 0, low_off = -1, high = 0, high_off = 0, last_off = 0, s = unlimited;
+  for (int step = 0;; ++step) {
+    SizingField result = limiter.limited(s, gradation);
+    const double off = 1 / count_factor(result, count) - 1;
+    if (std::abs(off) < kClose || step == kMostSteps) return result;
+    (off < 0 ? low : high) = s;
+    (off < 0 ? low_off : high_off) = off;
+    if (last_off * off > 0) (off < 0 ? high_off : low_off) /= 2;  // the same end moved twice
+    last_off = off;
+    s = high > 0 ? (low * high_off - high * low_off) / (high_off - low_off) : s / (1 + off);
+  }
 }
 
 // ---------------------------------------------------------------------------------------------------------------------------

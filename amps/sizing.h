@@ -1,6 +1,13 @@
 // sizing.h: how large the disks are, point by point of a surface. A sizing field gives the wanted radius r > 0 everywhere:
-// uniform, from values at vertices or from a function of one's own, then combined, clamped, limited in gradation and scaled to
-// a wanted number of samples.
+// uniform, from values at vertices, from a function of one's own, from the local feature size or from curvature; then combined,
+// clamped, limited in gradation and scaled to a wanted number of samples.
+//
+// A maximal Poisson-disk set has triangles as good as its radii are even: the gradation of the field, how fast r may change
+// along the surface, sets the worst angle. So the usual way is
+//
+//   SizingField field = for_count(lfs_sizing(mesh).with_ratio(16), 12000);
+//
+// which scales the field and limits its gradation. Scaling a limited field would multiply its gradation too.
 #pragma once
 
 #include "amps/base.h"
@@ -78,10 +85,10 @@ class SizingField {
 
   /// The largest field below this one with |r(x) − r(y)| ≤ gradation·d(x, y) between nodes, d the distance along the surface
   /// (vertices of equal position are one). Relaxed to a fixed point over lattice triangles: within an error of first order in
-  /// their size, as in fast marching; exactly Lipschitz (to 1e-12) along their edges, and so a fixed point of itself. Distances
-  /// come out too long, r too large, where lattice triangles are very obtuse. Persson, "Mesh size functions for implicit
-  /// geometries and PDE-based gradient limiting", 2006. Throws Error(kInvalidArgument) unless gradation > 0 (infinite: no
-  /// limit). O(nodes · log).
+  /// their size, as in fast marching, and 1e-4 of r; Lipschitz to rounding along their edges; limiting again changes nothing.
+  /// Distances come out too long, r too large, where lattice triangles are very obtuse. Persson, "Mesh size functions for
+  /// implicit geometries and PDE-based gradient limiting", 2006. Throws Error(kInvalidArgument) unless gradation > 0 (infinite:
+  /// no limit). O(nodes · log).
   SizingField limited(double gradation) const;
 
  private:
@@ -102,6 +109,11 @@ inline constexpr double kDefaultGradation = 0.3;
 /// The factor to scale a field by for about `count` samples: √(kSamplesPerDensity · ∫dA/r² / count). Good to a few percent
 /// where the surface is large beside the disks. Throws Error(kInvalidArgument) for count < 1 or an empty field.
 double count_factor(const SizingField& field, double count);
+
+/// The field scaled by some s and then limited in gradation, for about `count` samples in all: s is such that
+/// kSamplesPerDensity · ∫dA/r² is within 0.1 % of `count`. An infinite gradation gives field.scaled(count_factor(field,
+/// count)). Throws as count_factor and SizingField::limited. A few times the cost of limited().
+SizingField for_count(const SizingField& field, double count, double gradation = kDefaultGradation);
 
 /// The smaller radius of two fields of one mesh, at the nodes of the finer lattice of each facet: nowhere above either. Throws
 /// Error(kInvalidArgument) if a field is empty or they belong to different meshes.
@@ -154,9 +166,10 @@ struct LfsOptions {
 };
 
 /// Local feature size: the distance of each point (#P by 3, absolute units) to the medial axis of the surface, by poles
-/// (Amenta, Bern & Kamvysselis 1998) from a regular triangulation of samples, filtered by the angle of Dey & Zhao 2004. Poles
-/// of samples on creases (normals spread over 60°) are dropped. Between 1e-6 and 1 times the diagonal of the bounding box: that
-/// is the value where there is no medial axis (a flat surface). 1-Lipschitz in space. Throws Error(kInvalidArgument) for
+/// (Amenta, Bern & Kamvysselis 1998) from a regular triangulation of samples, filtered by the angle of Dey & Zhao 2004 and by
+/// the spacing of samples, but that balls between two sheets count down to half of it. Sheets closer than that may be missed or
+/// have values too large. Between 1e-6 and 1 times the diagonal of the bounding box, which is also the value where there is no
+/// medial axis: on flat surfaces. 1-Lipschitz in space. Poles are thinned: errors of 1 %. Throws Error(kInvalidArgument) for
 /// options out of range and points that are not finite. O(n log n) expected.
 Eigen::VectorXd local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options = {});
 

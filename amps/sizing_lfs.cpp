@@ -52,16 +52,10 @@ class PoleSamples {
   double spacing(Index s) const { return around_[slot(s)].spacing; }
   /// Unit; the mean of the facets around.
   Vec3 normal(Index s) const { return around_[slot(s)].normal.normalized(); }
-  /// True if the normals around spread as those of two equal facets with 60° between, or more.
-  bool on_crease(Index s) const {
-    const Surrounding& around = around_[slot(s)];
-    return around.normal.norm() < 0.866 * around.weight;
-  }
-
-  /// True if some facet's (lattice) edges are longer than rounding to a power of two allows.
+  /// True if refine() might have something to do.
   bool coarser_than(double least) const {
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
-      if (areas_[slot(f)] > 0 && too_coarse(f, level_[slot(f)], least)) return true;
+      if (may_refine(f, least)) return true;
     }
     return false;
   }
@@ -72,7 +66,7 @@ class PoleSamples {
     std::vector<double> at_vertex(slot(mesh_.num_vertices()), -1);
     bool finer = false;
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
-      if (!(areas_[slot(f)] > 0) || !too_coarse(f, level_[slot(f)], least)) continue;
+      if (!may_refine(f, least)) continue;
       double smallest = feature(scale_ * (mesh_.corner(f, 0) + mesh_.corner(f, 1) + mesh_.corner(f, 2)) / 3);
       for (int k = 0; k < 3; ++k) {
         double& value = at_vertex[slot(mesh_.triangles(f, k))];
@@ -90,7 +84,6 @@ class PoleSamples {
   /// What the facets around a sample are like.
   struct Surrounding {
     Vec3 normal = Vec3::Zero();  ///< sum of their normals times area, each turned to agree with those before
-    double weight = 0;           ///< sum of their areas
     double spacing = 0;
   };
 
@@ -122,7 +115,6 @@ class PoleSamples {
   void meet_facet(Index s, const Vec3& normal, double edge) {
     Surrounding& around = around_[slot(s)];
     around.normal += normal.dot(around.normal) < 0 ? Vec3(-normal) : normal;
-    around.weight += normal.norm();
     around.spacing = std::max(around.spacing, edge);
   }
 
@@ -136,6 +128,11 @@ class PoleSamples {
   }
 
   bool too_coarse(Index f, int level, double wanted) const { return std::ldexp(longest_edge(f), -level) > 1.4142 * wanted; }
+  /// False for what may stay as it is whatever the feature size. Facets without a lattice are given twice as much room: a mesh
+  /// whose own vertices will do should not be triangulated twice for a few long edges.
+  bool may_refine(Index f, double least) const {
+    return areas_[slot(f)] > 0 && too_coarse(f, level_[slot(f)], level_[slot(f)] == 0 ? 2 * least : least);
+  }
 
   /// Nodes stay within a few times the number of equilateral triangles of the wanted size; needles get no more.
   bool refine_facet(Index f, double wanted) {
@@ -225,7 +222,7 @@ struct Pole {
   bool opposite;    ///< it touches two sheets, one nearly above the other for the tangent planes of both
 };
 
-/// The poles of all samples that are not on creases, in the order of samples, and what filters ask of them.
+/// The poles of all samples, in their order, and what filters ask of them.
 class PoleFinder {
  public:
   PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation)
@@ -244,7 +241,6 @@ class PoleFinder {
     for (Index s = 0; s < triangulation_.num_vertices(); ++s) normals.push_back(samples_.normal(s));
     std::vector<Pole> result;
     for (Index s = 0; s < triangulation_.num_vertices(); ++s) {
-      if (samples_.on_crease(s)) continue;
       for (const Index c : {first_[slot(s)], second_[slot(s)]}) {
         if (c == kNone) continue;
         const double radius = std::sqrt(balls_[slot(c)].squared_radius), resolved = radius / samples_.spacing(s);

@@ -8,10 +8,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 using amps::Index;
@@ -335,6 +338,8 @@ TEST_CASE("sizing: the ratio clamp starts at a quantile by area; count_factor gi
   const SizingField clamped = field.with_ratio(16);
   CHECK(clamped.min_radius() == doctest::Approx(3).epsilon(0.3));
   CHECK(clamped.max_radius() == 16 * clamped.min_radius());
+  CHECK(field.with_ratio(16, 0.08).min_radius() == doctest::Approx(3).epsilon(0.3));
+  CHECK(field.with_ratio(16, 0.2).min_radius() == 100);
   CHECK(field.with_ratio(16, 0).min_radius() == 1);
   CHECK(field.with_ratio(1).max_radius() == field.with_ratio(1).min_radius());
 
@@ -425,6 +430,29 @@ TEST_CASE("sizing: limited fields are Lipschitz along lattice edges, below the o
   }
 }
 
+TEST_CASE("sizing: for_count reaches the count with the gradation it is given, also where that binds") {
+  const Mesh mesh = amps_test::data_mesh_or("bunny_3k_closed.off", amps::make_ellipsoid(5120, {1, 0.6, 0.3}));
+  const SizingField field = amps::lfs_sizing(mesh).with_ratio(16);
+  double before = std::numeric_limits<double>::infinity();
+  for (const double count : {100.0, 1000.0, 10000.0, 1e6}) {
+    for (const double gradation : {0.1, amps::kDefaultGradation}) {
+      const SizingField fitted = amps::for_count(field, count, gradation);
+      CHECK(amps::kSamplesPerDensity * fitted.density_integral() == doctest::Approx(count).epsilon(1e-3));
+      CHECK(steepest(mesh, fitted) <= gradation * (1 + 1e-6));
+      CHECK(fitted.max_radius() <= 16 * fitted.min_radius() * (1 + 1e-12));
+      require_same(fitted.limited(gradation), fitted);
+      // The least radius is limited by nothing, so it tells the factor; limiting makes disks smaller, so that is above plain
+      // scaling's.
+      CHECK(fitted.min_radius() / field.min_radius() >= amps::count_factor(field, count) * (1 - 1e-3));
+    }
+    const double least = amps::for_count(field, count).min_radius();
+    CHECK(least < before);
+    before = least;
+  }
+  require_same(amps::for_count(field, 500, std::numeric_limits<double>::infinity()),
+               field.scaled(amps::count_factor(field, 500)));
+}
+
 TEST_CASE("sizing: gradation limiting treats a soup as the mesh it stands for") {
   const Mesh mesh = amps::make_cube(3), soup = soup_of(mesh);
   const auto radius = [](const SurfacePoint& at) { return 0.02 + at.position.squaredNorm(); };
@@ -464,21 +492,26 @@ TEST_CASE("lfs: closed forms") {
   sharper.min_separation = 20;
   CHECK(ratio_spread(amps::local_feature_size(oblate, oblate.vertices, sharper), disk) < 0.03);
 
-  // Two parallel plates: half the gap, however coarse their meshes.
+  // Two parallel plates: half the gap, however coarse their meshes. The last two gaps are near and below the spacing of samples
+  // (0.012): larger values there, but of that order.
   for (const Index n : {1, 7, 20}) {
-    Mesh plates = amps::make_square(n);
-    const Eigen::Index v = plates.vertices.rows(), f = plates.triangles.rows();
-    plates.vertices.conservativeResize(2 * v, 3);
-    plates.triangles.conservativeResize(2 * f, 3);
-    plates.vertices.bottomRows(v) = plates.vertices.topRows(v);
-    plates.vertices.bottomRows(v).col(2).array() += 0.1;
-    plates.triangles.bottomRows(f) = plates.triangles.topRows(f).array() + static_cast<Index>(v);
-    Points inside(200, 3);
-    Rng rng(8);
-    for (Eigen::Index i = 0; i < 200; ++i) {
-      inside.row(i) << 0.1 + 0.8 * rng.uniform(), 0.1 + 0.8 * rng.uniform(), i % 2 == 0 ? 0.0 : 0.1;
+    for (const auto& [gap, most] : {std::pair{0.1, 1.06}, std::pair{0.02, 1.5}, std::pair{0.005, 4.0}}) {
+      Mesh plates = amps::make_square(n);
+      const Eigen::Index v = plates.vertices.rows(), f = plates.triangles.rows();
+      plates.vertices.conservativeResize(2 * v, 3);
+      plates.triangles.conservativeResize(2 * f, 3);
+      plates.vertices.bottomRows(v) = plates.vertices.topRows(v);
+      plates.vertices.bottomRows(v).col(2).array() += gap;
+      plates.triangles.bottomRows(f) = plates.triangles.topRows(f).array() + static_cast<Index>(v);
+      Points inside(200, 3);
+      Rng rng(8);
+      for (Eigen::Index i = 0; i < 200; ++i) {
+        inside.row(i) << 0.1 + 0.8 * rng.uniform(), 0.1 + 0.8 * rng.uniform(), i % 2 == 0 ? 0.0 : gap;
+      }
+      const Eigen::VectorXd lfs = amps::local_feature_size(plates, inside);
+      CHECK(lfs.minCoeff() > 0.98 * gap / 2);
+      CHECK(lfs.maxCoeff() < most * gap / 2);
     }
-    CHECK(ratio_spread(amps::local_feature_size(plates, inside), Eigen::VectorXd::Constant(200, 0.05)) < 0.06);
   }
 }
 
@@ -631,6 +664,38 @@ TEST_CASE("sizing: real meshes of all kinds have fields") {
   }
 }
 
+TEST_CASE("sizing: values for vertices are read from text") {
+  const Eigen::VectorXd values = amps::parse_values("\xEF\xBB\xBF# radii\n1 2.5\t-3e-2 # more\r\n\r\n 4\r5");
+  REQUIRE(values.size() == 5);
+  CHECK(values == (Eigen::VectorXd(5) << 1, 2.5, -0.03, 4, 5).finished());
+  CHECK(error_of([] { amps::parse_values("1 2\n3 x 4\n", "radii.txt"); }).find("radii.txt: line 2") == 0);
+  CHECK(error_of([] { amps::parse_values("1\n1e999\n"); }).find("line 2") != std::string::npos);
+  CHECK(error_of([] { amps::parse_values("# nothing\n"); }).find("no number") != std::string::npos);
+  CHECK(error_of([] { amps::read_values("/no/such/file"); }).find("/no/such/file") != std::string::npos);
+}
+
+TEST_CASE("sizing: the same bits everywhere") {
+  // Numbers made once; a compiler or platform that gives others breaks the promise of determinism.
+  const auto hash_of = [](const SizingField& field) {
+    std::uint64_t hash = 0;
+    for (std::size_t i = 0; i < field.num_pieces(); ++i) {
+      const double value = field.density_integral(i);
+      std::uint64_t bits = 0;
+      std::memcpy(&bits, &value, sizeof bits);
+      hash = amps::detail::scramble(hash + bits);
+    }
+    return hash;
+  };
+  // No std::sin in these: coordinates are the same everywhere too.
+  Mesh mesh = amps::make_cube(6);
+  mesh.vertices = (mesh.vertices * some_rotation().transpose()).eval();
+  for (Eigen::Index v = 0; v < mesh.vertices.rows(); ++v)
+    mesh.vertices(v, 2) *= 0.5 + mesh.vertices(v, 0) * mesh.vertices(v, 0);
+  CHECK(hash_of(amps::lfs_sizing(mesh)) == 5199934755297015972u);
+  CHECK(hash_of(amps::lfs_sizing(mesh).with_ratio(4).limited(0.2)) == 8056268423884251388u);
+  CHECK(hash_of(amps::curvature_sizing(mesh, {0.01, 90})) == 8213485142439990167u);
+}
+
 TEST_CASE("sizing: errors name the trouble") {
   const Mesh mesh = amps::make_square(1);
   const auto values = [](double a) { return Eigen::Vector4d(1, 1, a, 1); };
@@ -648,6 +713,8 @@ TEST_CASE("sizing: errors name the trouble") {
   CHECK(error_of([&] { amps::uniform_sizing(mesh, 1).with_ratio(0.5); }) != "");
   CHECK(error_of([&] { amps::count_factor(SizingField(), 10); }) != "");
   CHECK(error_of([&] { amps::count_factor(amps::uniform_sizing(mesh, 1), 0); }) != "");
+  CHECK(error_of([&] { amps::for_count(amps::uniform_sizing(mesh, 1), 10, -1); }) != "");
+  CHECK(error_of([&] { amps::for_count(SizingField(), 10); }) != "");
   CHECK(error_of([&] {
           min(amps::uniform_sizing(mesh, 1), amps::uniform_sizing(amps::make_square(2), 1));
         }).find("different") != std::string::npos);
