@@ -58,8 +58,8 @@ Index AliasTable::pick(Rng& rng) const noexcept {
 
 namespace {
 
-/// Density 1/r² where the radii, given in ascending order, differ by more than rejection of uniform points bears: these would be
-/// drawn (r_max/r_min)² times. So the triangle is cut where r is 2, 4, 8, … times the least. A band [s, 2s] is chosen by
+/// Density 1/r² where the radii, given in ascending order, differ by more than rejection of uniform points bears: these would
+/// be drawn (r_max/r_min)² times. So the triangle is cut where r is 2, 4, 8, … times the least. A band [s, 2s] is chosen by
 /// area/s², the level line in it by area, and kept with probability (s/r)² ≥ 1/4.
 class BandedTriangle {
  public:

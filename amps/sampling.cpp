@@ -36,10 +36,10 @@ constexpr int kGapDarts = 64;
 constexpr double kSeparationSlack = 1e-10;
 
 /// Gaps are chosen among so many fragments at a time, along a curve in space: where gap filling works, memory is at hand (two
-/// thirds of the time at a million samples). The paper chooses among all gaps. Stretches that do not touch do not see each other,
-/// so it does not matter which comes first, and within one choice is in proportion to ρ × area; only near where two of them
-/// meet, each some 70 by 70 samples, is the order another. Counts of 24 sets of 19,500 samples: 19,510 ± 8, and 19,505 ± 8 chosen
-/// among all; stretches of 1024 make 0.4 % more, and so do stretches scattered in space.
+/// thirds of the time at a million samples). The paper chooses among all gaps. Stretches that do not touch do not see each
+/// other, so it does not matter which comes first, and within one choice is in proportion to ρ × area; only near where two of
+/// them meet, each some 70 by 70 samples, is the order another. Counts of 24 sets of 19,500 samples: 19,510 ± 8, and 19,505 ± 8
+/// chosen among all; stretches of 1024 make 0.4 % more, and so do stretches scattered in space.
 constexpr std::size_t kFragmentsAtATime = 16384;
 
 constexpr std::uint64_t kDartsPerReport = 1024;
@@ -75,8 +75,7 @@ void require_feasible_radii(double least, double greatest, double density, const
   if (!(expected < options.max_samples)) {
     const double factor = std::sqrt(expected / options.max_samples) * 1.01;
     throw Error(ErrorCode::kTooLarge, "sampling: " + what + " need about " + number_text(expected) +
-                                          " samples, more than max_samples, " + std::to_string(options.max_samples) +
-                                          "; use " +
+                                          " samples, more than max_samples, " + std::to_string(options.max_samples) + "; use " +
                                           (uniform ? "a radius of at least " + number_text(least * factor)
                                                    : "a sizing field scaled by at least " + number_text(factor)));
   }
@@ -204,9 +203,7 @@ class WantedRadii {
   double least() const { return uniform() ? radius_ : field_.min_radius(); }
   double greatest() const { return uniform() ? radius_ : field_.max_radius(); }
   /// ∫dA/r²
-  double density_integral(double area) const {
-    return uniform() ? area / radius_ / radius_ : field_.density_integral();
-  }
+  double density_integral(double area) const { return uniform() ? area / radius_ / radius_ : field_.density_integral(); }
 
  private:
   double radius_;
@@ -232,8 +229,8 @@ struct SamplingTask {
       grid.insert(x, radius, id);
     }
   }
-  /// Samples get new numbers, in the order of a curve: what follows reaches for neighbours in space, which now are neighbours in
-  /// memory.
+  /// Samples get new numbers, in the order of a curve: what follows reaches for neighbours in space, which now are neighbours
+  /// in memory.
   void sort_along_curve() {
     Stopwatch watch;
     set.reorder(curve_order(set.points()));
@@ -255,7 +252,8 @@ struct SamplingTask {
 /// Darts of one radius: uniform on the surface.
 class UniformDarts {
  public:
-  explicit UniformDarts(const SamplingTask& task) : grid_(task.grid), radius_(task.radii.least()), table_(facet_areas(task.mesh)) {}
+  explicit UniformDarts(const SamplingTask& task)
+      : grid_(task.grid), radius_(task.radii.least()), table_(facet_areas(task.mesh)) {}
   SurfacePoint draw(Rng& rng) const {
     SurfacePoint dart;
     dart.facet = table_.pick(rng);
@@ -373,8 +371,8 @@ class SumTree {
     for (at /= 2; at > 0; at /= 2) nodes_[at] = nodes_[2 * at] + nodes_[2 * at + 1];
   }
 
-  /// Of the first `stretch` leaves (a power of two, aligned) that have any weight, the one where their running sum passes u times
-  /// their total, u in [0, 1); one of positive weight. Requires total() > 0.
+  /// Of the first `stretch` leaves (a power of two, aligned) that have any weight, the one where their running sum passes u
+  /// times their total, u in [0, 1); one of positive weight. Requires total() > 0.
   Index pick(double u, std::size_t stretch) const {
     std::size_t at = 1;
     for (std::size_t span = leaves_; span > stretch; span /= 2) {
@@ -647,11 +645,12 @@ namespace {
 /// Neighbours in the triangulation are enough where all sites are visible and every two neighbours i, j satisfy d² ≥ max(w_i,
 /// w_j), decided exactly. (1) Then p_j lies in its own power cell, which its neighbours bound, so d_ij² − w_i ≥ −w_j for all i,
 /// and on the segment between any two sites there is a point x of equal power to both. (2) Let i, j, w_i ≥ w_j, be the pair of
-/// least q = d² − max(w_i, w_j), and not neighbours. Some k has less power at x than they. At x the squared distance from p_k is
-/// by Stewart's theorem the mean, by the shares of the segment, of those at its ends, less the product of its parts; with q for
-/// the pairs (i, k), (j, k) that makes q + mean(max(w_k, w_i), max(w_k, w_j)) < (q − w_j)/2 + w_k, hence q < −w_j, against (1).
-/// So all pairs are as they should be. (3) In the same way, if ρ ≥ 1 is the least d/max(r_i, r_j) over all pairs, then a pair
-/// that has it are neighbours: with ρ² max(w_k, ·) for the squared distances from p_k both w_k ≤ w_i and w_k > w_i contradict.
+/// least q = d² − max(w_i, w_j), and not neighbours. Some k has less power at x than they. At x the squared distance from p_k
+/// is by Stewart's theorem the mean, by the shares of the segment, of those at its ends, less the product of its parts; with q
+/// for the pairs (i, k), (j, k) that makes q + mean(max(w_k, w_i), max(w_k, w_j)) < (q − w_j)/2 + w_k, hence q < −w_j, against
+/// (1). So all pairs are as they should be. (3) In the same way, if ρ ≥ 1 is the least d/max(r_i, r_j) over all pairs, then a
+/// pair that has it are neighbours: with ρ² max(w_k, ·) for the squared distances from p_k both w_k ≤ w_i and w_k > w_i
+/// contradict.
 class SeparationMeasure {
  public:
   SeparationMeasure(const RestrictedPowerDiagram& diagram, ConflictRule rule)
@@ -777,7 +776,8 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
                                                  " could cover existing samples; use at most the smallest existing radius, " +
                                                  detail::number_text(smallest));
   }
-  const detail::WantedRadii radii = options.sizing.empty() ? detail::WantedRadii(radius) : detail::WantedRadii::varying(options.sizing);
+  const detail::WantedRadii radii =
+      options.sizing.empty() ? detail::WantedRadii(radius) : detail::WantedRadii::varying(options.sizing);
   Box box = bounding_box(mesh);
   box.min = box.min.cwiseMin(existing.positions.colwise().minCoeff().transpose());
   box.max = box.max.cwiseMax(existing.positions.colwise().maxCoeff().transpose());

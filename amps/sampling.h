@@ -4,9 +4,9 @@
 // adaptive maximal Poisson-disk sampling", ACM TOG 32(5), 2013. A set of disks (p_i, r_i), p_i on the surface, is
 //   * Poisson-disk:  |p_i − p_j| ≥ max(r_i, r_j) for i ≠ j (Euclidean distance in space),
 //   * maximal:       every point of the surface lies in some ball (p_i, r_i).
-// Radii are equal, or follow a sizing field r(p): then darts fall with density ρ = 1/r², and r_i is r(p_i), or less where r(p_i)
-// would cover a sample that is there already: such a dart of the second stage takes its distance to the nearest sample, as in
-// the paper. So r_min ≤ r_i ≤ r(p_i), samples are at least r_min apart, and filling ends.
+// Radii are equal, or follow a sizing field r(p): then darts fall with density ρ = 1/r², and r_i is r(p_i), or less where
+// r(p_i) would cover a sample that is there already: such a dart of the second stage takes its distance to the nearest sample,
+// as in the paper. So r_min ≤ r_i ≤ r(p_i), samples are at least r_min apart, and filling ends.
 #pragma once
 
 #include "amps/base.h"
@@ -36,7 +36,8 @@ enum class ConflictRule {
   /// |p_i − p_j| ≥ max(r_i, r_j): no disk covers another's centre ("bigger disks"). The rule of the papers above and of
   /// everything this library promises: no sample is ever hidden in the power diagram.
   kMax,
-  /// |p_i − p_j| ≥ min(r_i, r_j) ("smaller disks"): about as many samples as ∫ρ says, also where radii change fast. Darts of the
+  /// |p_i − p_j| ≥ min(r_i, r_j) ("smaller disks"): about as many samples as ∫ρ says, also where radii change fast. Darts of
+  /// the
   /// second stage keep r(p). Samples of a field of gradation L (|r(p) − r(q)| ≤ L·|p − q|) own their position in the power
   /// diagram if L < √2 − 1: with d ≥ r_j and r_i ≤ r_j + L·d, r_i² − r_j² ≤ 2L·d·r_j + L²d² ≤ (2L + L²)·d² < d². In steeper
   /// fields a small sample may hide behind a large one: it stays in the set, the surface is still covered, but the mesh dual to
@@ -51,8 +52,8 @@ struct SamplingOptions {
   /// Wanted radii over this mesh, absolute units (sizing.h); empty if not used.
   SizingField sizing;
   /// Wanted number of samples. The radius, or a factor on all of `sizing`, follows from n ≈ 0.70·∫dA/r² + 0.26·∫ds/r (along the
-  /// boundary) and is corrected, by further runs with other seeds, until the count is within 1 %. The closest run wins if that never happens (counts below 100
-  /// have no choice but to hit exactly).
+  /// boundary) and is corrected, by further runs with other seeds, until the count is within 1 %. The closest run wins if that
+  /// never happens (counts below 100 have no choice but to hit exactly).
   Index target_count = 0;
   /// Means nothing where radii are equal.
   ConflictRule conflict_rule = ConflictRule::kMax;
@@ -95,9 +96,9 @@ struct SamplingResult {
 /// A maximal Poisson-disk set: dart throwing, then gap filling until no gap is left. The samples of the first stage come first,
 /// in the order of a space-filling curve (what is near in space is near in memory, for us and for whoever takes the set); those
 /// of the second follow in the order of their insertion.
-/// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument (options, a sizing field of another mesh), kTooLarge (radii
-/// that would need more than max_samples, estimated before any work). Cancelled: the samples so far (Poisson-disk, not maximal).
-/// Expected O(n log n + #F). Thread-safe.
+/// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument (options, a sizing field of another mesh), kTooLarge
+/// (radii that would need more than max_samples, estimated before any work). Cancelled: the samples so far (Poisson-disk, not
+/// maximal). Expected O(n log n + #F). Thread-safe.
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
 
 /// The first stage alone: random darts of density 1/r², accepted when they conflict with none before, until max_rejections in a
@@ -116,8 +117,8 @@ struct MaximalityReport {
   double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r; maximal ⇔ ≤ 1 (+1e-9 rounding)
   double worst_separation = 0;  ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample.
                                 ///< With ConflictRule::kMin: of |p_i − p_j|/min(r_i, r_j)
-  Index gaps = 0;               ///< fragments (restricted cell ∩ facet) that are not covered
-  double gap_area = 0;          ///< exact uncovered area, absolute
+  Index gaps = 0;       ///< fragments (restricted cell ∩ facet) that are not covered
+  double gap_area = 0;  ///< exact uncovered area, absolute
   bool maximal(double tolerance = 1e-9) const { return worst_coverage <= 1 + tolerance; }
   bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
 };

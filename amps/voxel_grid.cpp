@@ -199,15 +199,16 @@ bool VoxelGrid::visit_around(const Place& p, int level, const Visit& visit) cons
 }
 
 /// Calls visit(slot, level) for the voxels below the given one, a parent before its children and near ones first, until it
-/// returns true. Leaves out those whose squared distance from p, rounded down, is not below `limit`, which may shrink meanwhile.
+/// returns true. Leaves out those whose squared distance from p, rounded down, is not below `limit`, which may shrink
+/// meanwhile.
 template <class Visit>
 bool VoxelGrid::visit_below(const Place& p, int level, const Slot& parent, const Cell& cell, const double& limit,
                             const Visit& visit) const {
   const int shift = static_cast<int>(levels_.size()) - 2 - level;
   const Level& below = levels_[static_cast<std::size_t>(level) + 1];
   const double side = static_cast<double>(std::uint64_t{1} << shift);
-  double at[3];      // p, in voxels of the finest level
-  double gap[3][2];  // its squared distance from the lower and the upper half of the parent
+  double at[3];       // p, in voxels of the finest level
+  double gap[3][2];   // its squared distance from the lower and the upper half of the parent
   unsigned near = 0;  // the octant of the parent that p is in, or nearest to
   for (std::size_t axis = 0; axis < 3; ++axis) {
     at[axis] = static_cast<double>(p.cell[axis]) + p.within[axis];
@@ -232,8 +233,8 @@ bool VoxelGrid::visit_below(const Place& p, int level, const Slot& parent, const
   return false;
 }
 
-/// Some sample of the voxel at squared distance < combine(weight, its own), or kNone. Combined with the bounds of all weights of
-/// a level this decides about most samples without a look at theirs.
+/// Some sample of the voxel at squared distance < combine(weight, its own), or kNone. Combined with the bounds of all weights
+/// of a level this decides about most samples without a look at theirs.
 template <class Combine>
 Index VoxelGrid::conflict_in(const Slot& slot, int level, const Vec3& x, double weight, const Combine& combine) const {
   const Level& at = levels_[static_cast<std::size_t>(level)];

@@ -4,9 +4,10 @@
 // dart's ball meets: 5³ of them where r = r_min, 80³ where r = 16 r_min. We depart from that twice.
 //
 // Voxels are wide. On a surface most small voxels are empty, and looking up an empty voxel costs as much as a full one. Voxels
-// of side 2r hold about three samples, and the ball of a dart meets at most 2³ of them. Measured on the unit sphere, nanoseconds
-// a dart with its share of insertions (0.75·10⁴ and 0.74·10⁵ samples): side 2r 57 and 93, side r (27 voxels, culled) 100 and
-// 190, side r/√3 255 and 363, and one lookup a dart with each sample entered in all voxels its ball meets 89–156 and 320–530.
+// of side 2r hold about three samples, and the ball of a dart meets at most 2³ of them. Measured on the unit sphere,
+// nanoseconds a dart with its share of insertions (0.75·10⁴ and 0.74·10⁵ samples): side 2r 57 and 93, side r (27 voxels,
+// culled) 100 and 190, side r/√3 255 and 363, and one lookup a dart with each sample entered in all voxels its ball meets
+// 89–156 and 320–530.
 //
 // There is a grid for each size of disk. Level k holds the samples with R/2 < r ≤ R, R = 2^−k·r_max, in voxels of side 2R, each
 // voxel of level k being 2³ of level k + 1. At its own level and at each coarser one a dart looks at 2³ voxels; of the finer
@@ -30,12 +31,13 @@ namespace amps::detail {
 /// concurrently. What a query costs holds for sets whose samples are not much nearer to each other than their radii.
 class VoxelGrid {
  public:
-  /// Can a grid be made: at most ~4e6·least a side, r² far from underflow and overflow? If not, the caller's error is kTooLarge.
+  /// Can a grid be made: at most ~4e6·least a side, r² far from underflow and overflow? If not, the caller's error is
+  /// kTooLarge.
   static bool fits(const Box& box, double least, double greatest);
   static bool fits(const Box& box, double radius) { return fits(box, radius, radius); }
 
-  /// For radii in [least, greatest]; requires fits(). Points given to the other members should lie in the box: what lies outside
-  /// costs time.
+  /// For radii in [least, greatest]; requires fits(). Points given to the other members should lie in the box: what lies
+  /// outside costs time.
   VoxelGrid(const Box& box, double least, double greatest);
   VoxelGrid(const Box& box, double radius) : VoxelGrid(box, radius, radius) {}
 
@@ -82,16 +84,16 @@ class VoxelGrid {
   /// Open addressing, linear probing, at most half full. The key packs the three coordinates of a voxel.
   struct Slot {
     std::uint64_t key;
-    std::int32_t block;          ///< kNone: no sample of this level
-    std::uint8_t children;       ///< bit c: child c holds samples, or some descendant of it does
+    std::int32_t block;     ///< kNone: no sample of this level
+    std::uint8_t children;  ///< bit c: child c holds samples, or some descendant of it does
   };
   struct Level {
     std::vector<Slot> slots;
     int shift;  ///< 64 − log2(slots.size())
     std::size_t used = 0;
-    double radius;           ///< R: the greatest of its radii
-    double weight_above;     ///< no sample has a weight below this
-    double weight_below;     ///< or above this
+    double radius;        ///< R: the greatest of its radii
+    double weight_above;  ///< no sample has a weight below this
+    double weight_below;  ///< or above this
   };
   struct Place {
     std::uint64_t cell[3];  ///< of the finest level

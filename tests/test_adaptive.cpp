@@ -163,8 +163,8 @@ std::size_t part_of(const Vec3& b, Index cuts) {
   return static_cast<std::size_t>(before + 2 * i + (downward ? 1 : 0));
 }
 
-/// Oracle: ∫1/r² over each part of a facet in units of the facet's area, by the midpoint rule on a fine lattice; the error falls
-/// with the square of the step, so two steps give a better value and a bound.
+/// Oracle: ∫1/r² over each part of a facet in units of the facet's area, by the midpoint rule on a fine lattice; the error
+/// falls with the square of the step, so two steps give a better value and a bound.
 std::vector<double> density_of_parts(const Vec3& radii, Index cuts) {
   const auto rule = [&](Index fine) {
     std::vector<double> sum(static_cast<std::size_t>(cuts * cuts), 0.0);
@@ -192,7 +192,8 @@ std::vector<double> density_of_parts(const Vec3& radii, Index cuts) {
 }
 
 /// Counts of samples in the parts of all facets against ∫ρ. Parts that expect few are put together.
-double density_score(const Mesh& mesh, const Eigen::VectorXd& radii, const std::vector<std::pair<Index, Vec3>>& samples, Index cuts) {
+double density_score(const Mesh& mesh, const Eigen::VectorXd& radii, const std::vector<std::pair<Index, Vec3>>& samples,
+                     Index cuts) {
   const std::vector<double> areas = amps::facet_areas(mesh);
   std::vector<double> expected, observed;
   for (Index f = 0; f < mesh.triangles.rows(); ++f) {
@@ -237,7 +238,8 @@ ErrorCode error_of(const std::function<void()>& call) {
 }
 
 bool same_rows(const SampleSet& a, const SampleSet& b) {
-  return a.size() == b.size() && a.positions == b.positions && a.radii == b.radii && a.facets == b.facets && a.barycentrics == b.barycentrics;
+  return a.size() == b.size() && a.positions == b.positions && a.radii == b.radii && a.facets == b.facets &&
+         a.barycentrics == b.barycentrics;
 }
 
 }  // namespace
@@ -255,7 +257,8 @@ TEST_CASE("adaptive: sets are maximal Poisson-disk sets by certificate, by all p
         CHECK(result.samples.size() > 300);
         const double separation = separation_of_all_pairs(result.samples, rule);
         CHECK(separation >= 1 - 1e-9);
-        CHECK(amps::verify_maximal(mesh, result.samples, 1, rule).worst_separation == doctest::Approx(separation).epsilon(1e-12));
+        CHECK(amps::verify_maximal(mesh, result.samples, 1, rule).worst_separation ==
+              doctest::Approx(separation).epsilon(1e-12));
         CHECK(all_covered(mesh, result.samples));
       }
     }
@@ -274,8 +277,8 @@ TEST_CASE("adaptive: fields that leap from vertex to vertex") {
         if (rule == ConflictRule::kMax) {  // some radii had to be cut
           Index cut = 0;
           for (Index s = result.report.dart_samples; s < result.samples.size(); ++s) {
-            cut += result.samples.radii[s] <
-                   options.sizing.radius(result.samples.facets[static_cast<std::size_t>(s)], result.samples.barycentrics.row(s));
+            cut += result.samples.radii[s] < options.sizing.radius(result.samples.facets[static_cast<std::size_t>(s)],
+                                                                   result.samples.barycentrics.row(s));
           }
           CHECK(cut > 0);
         }
@@ -415,7 +418,8 @@ TEST_CASE("adaptive: early darts have density 1/r²") {
       options.seed = seed;
       options.max_rejections = 3;  // ends while the surface is nearly empty: hardly any dart has met another
       const SampleSet set = amps::throw_darts(mesh, options).samples;
-      for (Index s = 0; s < set.size(); ++s) early.emplace_back(set.facets[static_cast<std::size_t>(s)], set.barycentrics.row(s));
+      for (Index s = 0; s < set.size(); ++s)
+        early.emplace_back(set.facets[static_cast<std::size_t>(s)], set.barycentrics.row(s));
     }
     REQUIRE(early.size() > 2000);
     CHECK(density_score(mesh, radii, early, 1) < 3.5);
@@ -528,7 +532,8 @@ TEST_CASE("adaptive: the dual triangulation has the topology of the surface") {
     Mesh mesh;
     double count;
   };
-  for (const auto& [mesh, count] : {Case{amps::make_sphere(1280), 3000}, Case{amps::make_torus(), 4000}, Case{amps::make_square(8), 2000}}) {
+  for (const auto& [mesh, count] :
+       {Case{amps::make_sphere(1280), 3000}, Case{amps::make_torus(), 4000}, Case{amps::make_square(8), 2000}}) {
     amps::RemeshOptions options;
     options.sampling = with_sizing(graded_field(mesh, 16, count));
     const amps::RemeshResult result = amps::remesh(mesh, options);
@@ -661,15 +666,45 @@ TEST_CASE("adaptive: the same seed gives the same bits with every compiler and b
 
 TEST_SUITE("slow") {
   TEST_CASE("adaptive: the certificate holds on every surface there is, whatever is wrong with it") {
-    const std::vector<std::string> names = {
-        "anchor.off", "bones_26comps.off", "bumpy.off", "bunny_3k_closed.off", "cheburashka.off", "cow.off",
-        "cube-minimal-degenerated.obj", "cube-shuffled.off", "cube_twist.obj", "degtri_four-2.off", "degtri_sliding.off",
-        "double-torus-polygons.off", "eight.off", "elephant.off", "fan3_nonmanifold_edge.obj", "fandisk_coarse.obj",
-        "fandisk_quads.off", "hemisphere.off", "hinge_ascii.stl", "hole_capsule_quads.off", "hourglass_nonmanifold_vertex.obj",
-        "joined_tetrahedra.obj", "knot2_2comps.off", "lion-head.off", "maxFace.obj", "mech-holes-shark.off", "moebius.obj",
-        "negative_indices.obj", "netgen_part1_ascii.stl", "platonic_shelf_polygons.obj", "prim_isolated.off",
-        "quads_to_stitch.off", "sphere_solid_header_binary.stl", "suzanne.obj", "teapot.obj", "thingi_65004.stl",
-        "three_peaks.off", "triple_vierbein.obj", "two_spheres_overlap.obj"};
+    const std::vector<std::string> names = {"anchor.off",
+                                            "bones_26comps.off",
+                                            "bumpy.off",
+                                            "bunny_3k_closed.off",
+                                            "cheburashka.off",
+                                            "cow.off",
+                                            "cube-minimal-degenerated.obj",
+                                            "cube-shuffled.off",
+                                            "cube_twist.obj",
+                                            "degtri_four-2.off",
+                                            "degtri_sliding.off",
+                                            "double-torus-polygons.off",
+                                            "eight.off",
+                                            "elephant.off",
+                                            "fan3_nonmanifold_edge.obj",
+                                            "fandisk_coarse.obj",
+                                            "fandisk_quads.off",
+                                            "hemisphere.off",
+                                            "hinge_ascii.stl",
+                                            "hole_capsule_quads.off",
+                                            "hourglass_nonmanifold_vertex.obj",
+                                            "joined_tetrahedra.obj",
+                                            "knot2_2comps.off",
+                                            "lion-head.off",
+                                            "maxFace.obj",
+                                            "mech-holes-shark.off",
+                                            "moebius.obj",
+                                            "negative_indices.obj",
+                                            "netgen_part1_ascii.stl",
+                                            "platonic_shelf_polygons.obj",
+                                            "prim_isolated.off",
+                                            "quads_to_stitch.off",
+                                            "sphere_solid_header_binary.stl",
+                                            "suzanne.obj",
+                                            "teapot.obj",
+                                            "thingi_65004.stl",
+                                            "three_peaks.off",
+                                            "triple_vierbein.obj",
+                                            "two_spheres_overlap.obj"};
     const Mesh stand_in = amps::make_ellipsoid(320, {1.0, 0.5, 0.01});
     for (const std::string& name : names) {
       CAPTURE(name);

@@ -808,7 +808,8 @@ TEST_CASE("sampling: cancelled at any stage, what is there is a Poisson-disk set
       CHECK(result.samples.size() < done.size());
       CHECK(brute_separation(result.samples) >= 1 - 1e-9);
       check_placement(mesh, result.samples);
-      // As far as it came it is the whole run (darts that were not all thrown are in the order they were), and it can be finished.
+      // As far as it came it is the whole run (darts that were not all thrown are in the order they were), and it can be
+      // finished.
       if (wanted == "dart throwing") {
         std::set<std::array<double, 3>> all;
         for (Index s = 0; s < done.size(); ++s) all.insert({done.positions(s, 0), done.positions(s, 1), done.positions(s, 2)});

@@ -1,7 +1,7 @@
-// The whole pipeline and each of its stages: dart throwing, triangulation, restricted power diagram, gap filling, remeshing; with
-// equal radii and with radii that vary 1:16. How time and memory grow with the number of samples. The paper's Table 2.
-// The bunny is ../shared/data/bunny_100kf_closed.obj (environment AMPS_TEST_DATA: another folder), a generated knot where there
-// is none.
+// The whole pipeline and each of its stages: dart throwing, triangulation, restricted power diagram, gap filling, remeshing;
+// with equal radii and with radii that vary 1:16. How time and memory grow with the number of samples. The paper's Table 2. The
+// bunny is ../shared/data/bunny_100kf_closed.obj (environment AMPS_TEST_DATA: another folder), a generated knot where there is
+// none.
 //   amps_bench --benchmark_filter=pipeline      stages
 //   amps_bench --benchmark_filter=scaling       10k, 100k and 1M samples: about 2 minutes and 1.5 GB
 //   amps_bench --benchmark_filter=table2
@@ -66,11 +66,20 @@ const PipelineCase& pipeline_case(std::size_t which) {
   std::unique_ptr<PipelineCase>& made = cases[which];
   if (made == nullptr) {
     switch (which) {
-      case 0: made = std::make_unique<PipelineCase>("bunny, 12k", bunny(), 12000, false); break;
-      case 1: made = std::make_unique<PipelineCase>("sphere, 10k", amps::make_sphere(20480), 10000, false); break;
-      case 2: made = std::make_unique<PipelineCase>("sphere, 100k", amps::make_sphere(20480), 100000, false); break;
-      case 3: made = std::make_unique<PipelineCase>("bunny, 12k, 1:16", bunny(), 12000, true); break;
-      default: made = std::make_unique<PipelineCase>("sphere, 100k, 1:16", amps::make_sphere(20480), 100000, true);
+      case 0:
+        made = std::make_unique<PipelineCase>("bunny, 12k", bunny(), 12000, false);
+        break;
+      case 1:
+        made = std::make_unique<PipelineCase>("sphere, 10k", amps::make_sphere(20480), 10000, false);
+        break;
+      case 2:
+        made = std::make_unique<PipelineCase>("sphere, 100k", amps::make_sphere(20480), 100000, false);
+        break;
+      case 3:
+        made = std::make_unique<PipelineCase>("bunny, 12k, 1:16", bunny(), 12000, true);
+        break;
+      default:
+        made = std::make_unique<PipelineCase>("sphere, 100k, 1:16", amps::make_sphere(20480), 100000, true);
     }
   }
   return *made;
@@ -191,9 +200,9 @@ void scaling_sample(benchmark::State& state) {
   state.counters["us_gaps"] = 1e6 * report.seconds_gaps / made;
 }
 
-/// Rows B[MPS] and T[MPS] of Table 2, sets before optimisation: radii r_min:16 r_min from lfs as it is (the paper's), and limited
-/// in gradation. The paper: Q_min 0.36 and 0.29, angles 19.2 to 133.2 and 13.5 to 138.6 degrees, below 30 degrees 0.90 and 1.23 %,
-/// valence 5 to 7 94.7 and 92.0 %.
+/// Rows B[MPS] and T[MPS] of Table 2, sets before optimisation: radii r_min:16 r_min from lfs as it is (the paper's), and
+/// limited in gradation. The paper: Q_min 0.36 and 0.29, angles 19.2 to 133.2 and 13.5 to 138.6 degrees, below 30 degrees 0.90
+/// and 1.23 %, valence 5 to 7 94.7 and 92.0 %.
 void table2_remesh(benchmark::State& state) {
   const bool is_bunny = state.range(0) == 0;
   const double gradation = static_cast<double>(state.range(1)) / 100;
