@@ -37,9 +37,8 @@ enum class ConflictRule {
   /// everything this library promises: no sample is ever hidden in the power diagram.
   kMax,
   /// |p_i − p_j| ≥ min(r_i, r_j) ("smaller disks"): small samples come up to large ones, so sets are denser where radii change
-  /// (at gradation 0.1, 0.25 and 0.5 by about 1, 4 and 8 % beside kMax). Darts of the second stage keep r(p). Samples of a
-  /// field
-  /// of gradation L (|r(p) − r(q)| ≤ L·|p − q|) own their position in the power diagram if L < √2 − 1: with d ≥ r_j and
+  /// (at gradation 0.1, 0.25 and 0.5 by about 1, 4 and 8 % beside kMax). Darts of the second stage keep r(p). Samples of
+  /// a field of gradation L (|r(p) − r(q)| ≤ L·|p − q|) own their position in the power diagram if L < √2 − 1: with d ≥ r_j and
   /// r_i ≤ r_j + L·d, r_i² − r_j² ≤ 2L·d·r_j + L²d² ≤ (2L + L²)·d² < d². In steeper fields a small sample may hide behind a
   /// large one: it stays in the set, the surface is still covered, but the mesh dual to the diagram has no vertex there.
   kMin,
