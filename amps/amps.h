@@ -31,7 +31,12 @@
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
+//   sizing.h         sizing fields: the wanted radius at each point of a surface
+//   sizing_lfs              (its .cpp only) local feature size, by poles
+//   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
 //   voxel_grid.h     (internal) which samples are near a dart
+//   darts.h          (internal) drawing facets by weight and points by density
+//   count_model.h    (internal) how many samples radii make
 //   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
 //   sampling.h       darts, gap filling, and the certificate that a set is maximal
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
@@ -52,6 +57,7 @@
 #include "amps/kdtree.h"
 #include "amps/triangulation.h"
 #include "amps/power_diagram.h"
+#include "amps/sizing.h"
 #include "amps/sampling.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"

@@ -50,12 +50,6 @@ using Triangles = Eigen::Matrix<Index, Eigen::Dynamic, 3, Eigen::RowMajor>;
 using PointsView = Eigen::Ref<const Points>;
 using TrianglesView = Eigen::Ref<const Triangles>;
 
-/// A point on a mesh: `position = Σ barycentric[k] · corner k of facet`. Interpolate UVs, colours or weights with it.
-struct SurfacePoint {
-  Index facet = kNone;
-  Vec3 barycentric = Vec3::Zero();  ///< non-negative, sums to 1
-};
-
 /// What went wrong, for programs; `Error::what()` says what, where and what to do, for people.
 enum class ErrorCode {
   kInvalidArgument,  ///< an option or argument out of its range

@@ -30,6 +30,13 @@ struct MeshView {
   Vec3 corner(Index facet, int k) const { return vertices.row(triangles(facet, k)).transpose(); }
 };
 
+/// A point on a mesh: `position` = Σ barycentric[k] · corner k of `facet`. Interpolate UVs, colours or weights with it.
+struct SurfacePoint {
+  Index facet = kNone;
+  Vec3 barycentric = Vec3::Zero();  ///< non-negative, sums to 1
+  Vec3 position = Vec3::Zero();
+};
+
 /// Throws Error(kInvalidMesh) naming the first offending vertex or facet, and what to do, if the mesh has no facet, a
 /// coordinate that is NaN or infinite, an index out of range, or an area that is 0 or infinite as a double; Error(kTooLarge)
 /// for more than 2^31 − 1 vertices or facets. Everything else works.

@@ -1063,4 +1063,23 @@ void write_samples(const std::filesystem::path& path, const SampleSet& samples) 
   detail::replace_file(path, format_samples(samples, sample_format(path)));
 }
 
+Eigen::VectorXd parse_values(std::string_view data, const std::string& name) {
+  const detail::IoSource source{data, name};
+  detail::TextCursor cursor(source);
+  std::vector<double> values;
+  while (cursor.next_content()) {
+    const char* const where = cursor.p;
+    double value = 0;
+    cursor.numbers(&value, 1);
+    if (!std::isfinite(value)) source.fail_line(where, "a value is NaN, infinite or too large for a double; correct it");
+    values.push_back(value);
+  }
+  if (values.empty()) source.fail("no number in it; give one a vertex");
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+}
+
+Eigen::VectorXd read_values(const std::filesystem::path& path) {
+  return parse_values(detail::read_whole_file(path), path.string());
+}
+
 }  // namespace amps

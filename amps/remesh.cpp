@@ -131,7 +131,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   result.report.input = topology(merge_equal_vertices(mesh));
   result.report.output = topology(result.mesh);
   result.report.quality = quality(result.mesh);
-  result.report.maximality = detail::measure_maximality(*run.diagram);
+  result.report.maximality = detail::measure_maximality(*run.diagram, options.sampling.conflict_rule);
   result.report.seconds_report = watch.lap();
   return result;
 }

@@ -19,4 +19,7 @@ struct InsertionOrder {
 /// The order for the given points; a function of the points and their ids alone, whatever the number of threads. O(n).
 InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids, unsigned threads = 1);
 
+/// The ids 0 … #P − 1 in the order of the points along one curve: neighbours in the list are neighbours in space. O(n).
+std::vector<Index> curve_order(const PointsView& points);
+
 }  // namespace amps::detail

@@ -6,7 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string>
+#include <utility>
 
 namespace amps::detail {
 namespace {
@@ -15,11 +15,8 @@ namespace {
 constexpr int kVoxelBits = 21;
 constexpr double kVoxelsPerAxis = 1 << kVoxelBits;
 
-/// Voxels left free on each side of the box, so that a point up to r outside and its neighbour voxels have coordinates ≥ 0.
-constexpr double kVoxelMargin = 2;
-
-/// A voxel is this much wider than 2r, so that its half nearer to a sample is wider than r in spite of rounding: a coordinate
-/// below 2^21 voxels is off by less than 2^-30.
+/// A voxel is this much wider than 2R, so that its half nearer to a sample is wider than R in spite of rounding: a coordinate
+/// below 2^21 voxels is off by less than 2^-30. The same slack covers the rounding of levels and of distances to voxels.
 constexpr double kVoxelExcess = 1e-6;
 
 constexpr std::uint64_t kEmptyKey = ~std::uint64_t{0};  // no voxel: coordinates stay below 2^21 each, and bit 63 unset
@@ -27,41 +24,87 @@ constexpr std::uint64_t kEmptyKey = ~std::uint64_t{0};  // no voxel: coordinates
 /// Below, r² and the squares it is compared with would lose bits to underflow; above the reciprocal, to overflow.
 constexpr double kSmallestVoxelWeight = 0x1p-900;
 
+/// Bounds on a rounded squared distance that decide whether the exact one is below or above w. A sum of three squares of
+/// differences carries a relative error of less than 5·2^-53 (one for each difference, squared, one for each product, two for
+/// the sums), and comparing with these bounds adds one.
+constexpr double kSurelyInside = 1 - 8 * kUnitRoundoff;
+constexpr double kSurelyOutside = 1 + 8 * kUnitRoundoff;
+
+/// The voxel of a dart first, then those across a face, an edge, and the corner: most darts conflict, and soon.
+constexpr int kNearestOctantsFirst[8] = {0, 1, 2, 4, 3, 5, 6, 7};
+
 double voxel_side(double radius) { return 2 * radius * (1 + kVoxelExcess); }
 
+/// Coordinates from −1 on, as an unsigned number in each.
 std::uint64_t voxel_key(std::uint64_t x, std::uint64_t y, std::uint64_t z) {
-  return x | y << kVoxelBits | z << (2 * kVoxelBits);
+  constexpr std::uint64_t kBias = 1 | std::uint64_t{1} << kVoxelBits | std::uint64_t{1} << (2 * kVoxelBits);
+  return x + (y << kVoxelBits) + (z << (2 * kVoxelBits)) + kBias;
 }
 
 /// Multiplicative hashing (Knuth, TAOCP 3, §6.4): 2^64 over the golden ratio.
 std::size_t voxel_hash(std::uint64_t key, int shift) { return static_cast<std::size_t>((key * 0x9e3779b97f4a7c15u) >> shift); }
 
+/// Rounds as squaredNorm() of the difference does.
+double squared_distance(const Vec3& x, const double* sample) {
+  const double dx = x[0] - sample[0];
+  const double dy = x[1] - sample[1];
+  const double dz = x[2] - sample[2];
+  return dx * dx + dy * dy + dz * dz;
+}
+
+/// Asks for a cache line that will be read soon; nothing where the compiler has no word for it.
+inline void prefetch_line(const void* p) noexcept {
+#if defined(__GNUC__) || defined(__clang__)
+  __builtin_prefetch(p);
+#else
+  static_cast<void>(p);
+#endif
+}
+
+/// The greatest radius that has voxels of its own. In a box of this extent a greater one reaches everything, as this does.
+double coarsest_radius(const Box& box, double least, double greatest) {
+  return std::max(least, std::min(greatest, (box.max - box.min).maxCoeff()));
+}
+
 }  // namespace
 
-bool VoxelGrid::fits(const Box& box, double radius) {
-  const double weight = radius * radius;
-  if (!(radius > 0 && weight >= kSmallestVoxelWeight && weight <= 1 / kSmallestVoxelWeight)) return false;
-  const double extent = (box.max - box.min).maxCoeff();
-  return extent / voxel_side(radius) + 2 * kVoxelMargin + 1 <= kVoxelsPerAxis;  // false for NaN
+bool VoxelGrid::fits(const Box& box, double least, double greatest) {
+  const double weight = least * least;
+  if (!(least > 0 && least <= greatest && weight >= kSmallestVoxelWeight && greatest * greatest <= 1 / kSmallestVoxelWeight)) {
+    return false;
+  }
+  double finest = coarsest_radius(box, least, greatest);
+  while (finest / 2 >= least) finest /= 2;
+  return (box.max - box.min).maxCoeff() / voxel_side(finest) + 4 <= kVoxelsPerAxis;  // false for NaN
 }
 
-VoxelGrid::VoxelGrid(const Box& box, double radius)
-    : origin_(box.min - Vec3::Constant(kVoxelMargin * voxel_side(radius))),
-      per_cell_(1 / voxel_side(radius)),
-      weight_(radius * radius),
-      // A sum of three squares of differences carries a relative error of less than 5·2^-53 (one for each difference, squared,
-      // one for each product, two for the sums), and comparing with these bounds adds one.
-      surely_inside_(weight_ * (1 - 8 * kUnitRoundoff)),
-      surely_outside_(weight_ * (1 + 8 * kUnitRoundoff)),
-      slots_(1024, Slot{kEmptyKey, kNone}),
-      shift_(64 - 10) {
-  AMPS_ASSERT(fits(box, radius));
+VoxelGrid::VoxelGrid(const Box& box, double least, double greatest)
+    : origin_(box.min),
+      weight_(least * least),
+      surely_inside_(weight_ * kSurelyInside),
+      surely_outside_(weight_ * kSurelyOutside) {
+  AMPS_ASSERT(fits(box, least, greatest));
+  constexpr int kFirstSlots = 10;  // log2
+  double radius = coarsest_radius(box, least, greatest);
+  do {
+    Level level;
+    level.slots.assign(std::size_t{1} << kFirstSlots, Slot{kEmptyKey, kNone, 0});
+    level.shift = 64 - kFirstSlots;
+    level.radius = radius;
+    level.weight_above = radius * radius / 4 * (1 - 4 * kVoxelExcess);
+    level.weight_below = levels_.empty() && radius < greatest ? INFINITY : radius * radius * (1 + 4 * kVoxelExcess);
+    levels_.push_back(std::move(level));
+    radius /= 2;
+  } while (radius >= least);
+  per_cell_ = 1 / voxel_side(levels_.back().radius);
+  extent_ = (box.max - box.min) * per_cell_;
 }
 
+/// Points outside of the box count as at its border: that brings no two points farther apart.
 VoxelGrid::Place VoxelGrid::place(const Vec3& x) const {
   Place result;
   for (int axis = 0; axis < 3; ++axis) {
-    const double f = std::min(std::max((x[axis] - origin_[axis]) * per_cell_, 1.0), kVoxelsPerAxis - 2);
+    const double f = std::min(std::max((x[axis] - origin_[axis]) * per_cell_, 0.0), extent_[axis]);
     const auto cell = static_cast<std::int64_t>(f);  // signed: one instruction where unsigned takes a branch
     result.cell[axis] = static_cast<std::uint64_t>(cell);
     result.within[axis] = f - static_cast<double>(cell);
@@ -69,34 +112,61 @@ VoxelGrid::Place VoxelGrid::place(const Vec3& x) const {
   return result;
 }
 
+/// The coarsest level whose radius halved is below the given one; the finest for what is smaller still.
+int VoxelGrid::level_of(double radius) const {
+  const int finest = static_cast<int>(levels_.size()) - 1;
+  if (radius >= levels_.front().radius) return 0;
+  if (radius <= levels_.back().radius) return finest;
+  int exponent;  // of the ratio, in (2^(e−1), 2^e) or the lower end of it: rounding is the excess's
+  std::frexp(levels_.front().radius / radius, &exponent);
+  return std::min(exponent - 1, finest);
+}
+
 /// The slot that holds `key`, or the empty one where it belongs.
-std::size_t VoxelGrid::find_slot(std::uint64_t key) const {
-  const std::size_t mask = slots_.size() - 1;
-  std::size_t i = voxel_hash(key, shift_);
-  while (slots_[i].key != key && slots_[i].key != kEmptyKey) i = (i + 1) & mask;
+std::size_t VoxelGrid::find_slot(const Level& level, std::uint64_t key) {
+  const std::size_t mask = level.slots.size() - 1;
+  std::size_t i = voxel_hash(key, level.shift);
+  while (level.slots[i].key != key && level.slots[i].key != kEmptyKey) i = (i + 1) & mask;
   return i;
 }
 
+/// The key of the voxel of a level that contains p.
+std::uint64_t VoxelGrid::key_at(const Place& p, int level) const {
+  const int shift = static_cast<int>(levels_.size()) - 1 - level;
+  return voxel_key(p.cell[0] >> shift, p.cell[1] >> shift, p.cell[2] >> shift);
+}
+
+void VoxelGrid::prefetch_voxel(const Vec3& x, double radius) const {
+  const int own = level_of(radius);
+  const Level& level = levels_[static_cast<std::size_t>(own)];
+  prefetch_line(&level.slots[voxel_hash(key_at(place(x), own), level.shift)]);
+}
+
+void VoxelGrid::prefetch_samples(const Vec3& x, double radius) const {
+  const int own = level_of(radius);
+  const Level& level = levels_[static_cast<std::size_t>(own)];
+  const std::int32_t b = level.slots[find_slot(level, key_at(place(x), own))].block;
+  if (b == kNone) return;
+  const Block* const block = &blocks_[static_cast<std::size_t>(b)];
+  prefetch_line(block);
+  prefetch_line(&block->ids);
+}
+
 Index VoxelGrid::conflicting_sample(const Vec3& x) const {
+  const Level& level = levels_.front();
   const Place p = place(x);
   std::uint64_t other[3];  // the ball of x reaches out of its voxel on the near side only
   for (int axis = 0; axis < 3; ++axis) other[axis] = p.within[axis] < 0.5 ? p.cell[axis] - 1 : p.cell[axis] + 1;
-
-  // The voxel of x first, then those across a face, an edge, and the corner: most darts conflict, and soon.
-  static constexpr int kOrder[8] = {0, 1, 2, 4, 3, 5, 6, 7};
-  for (const int side : kOrder) {
+  for (const int side : kNearestOctantsFirst) {
     const std::uint64_t key = voxel_key((side & 1) != 0 ? other[0] : p.cell[0], (side & 2) != 0 ? other[1] : p.cell[1],
                                         (side & 4) != 0 ? other[2] : p.cell[2]);
-    for (std::int32_t b = slots_[find_slot(key)].block; b != kNone;) {
+    for (std::int32_t b = level.slots[find_slot(level, key)].block; b != kNone;) {
       const Block& block = blocks_[static_cast<std::size_t>(b)];
       for (int i = 0; i < block.count; ++i) {
         const double* sample = block.positions[i];
-        const double dx = x[0] - sample[0];
-        const double dy = x[1] - sample[1];
-        const double dz = x[2] - sample[2];
-        const double squared_distance = dx * dx + dy * dy + dz * dz;
-        if (squared_distance > surely_outside_) continue;
-        if (squared_distance < surely_inside_ || side_of_ball(x.data(), sample, weight_) < 0) return block.ids[i];
+        const double d2 = squared_distance(x, sample);
+        if (d2 > surely_outside_) continue;
+        if (d2 < surely_inside_ || side_of_ball(x.data(), sample, weight_) < 0) return block.ids[i];
       }
       b = block.next;
     }
@@ -104,78 +174,202 @@ Index VoxelGrid::conflicting_sample(const Vec3& x) const {
   return kNone;
 }
 
-void VoxelGrid::insert(const Vec3& x, Index id) {
-  AMPS_ASSERT(id >= 0);
-  if (2 * (used_slots_ + 1) > slots_.size()) grow();
+// ---------------------------------------------------------------------------------------------------------------------------
+// Radii that differ
+
+/// Calls visit(slot, cell) for those of the 2³ voxels of a level nearest to p that there are, until it returns true.
+template <class Visit>
+bool VoxelGrid::visit_around(const Place& p, int level, const Visit& visit) const {
+  const Level& at = levels_[static_cast<std::size_t>(level)];
+  if (at.used == 0) return false;
+  const int shift = static_cast<int>(levels_.size()) - 1 - level;
+  Cell own, other;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    own[axis] = p.cell[axis] >> shift;
+    const bool low_half = shift == 0 ? p.within[axis] < 0.5 : ((p.cell[axis] >> (shift - 1)) & 1) == 0;
+    other[axis] = low_half ? own[axis] - 1 : own[axis] + 1;
+  }
+  for (const int side : kNearestOctantsFirst) {
+    const Cell cell = {(side & 1) != 0 ? other[0] : own[0], (side & 2) != 0 ? other[1] : own[1],
+                       (side & 4) != 0 ? other[2] : own[2]};
+    const Slot& slot = at.slots[find_slot(at, voxel_key(cell[0], cell[1], cell[2]))];
+    if (slot.key != kEmptyKey && visit(slot, cell)) return true;
+  }
+  return false;
+}
+
+/// Calls visit(slot, level) for the voxels below the given one, a parent before its children and near ones first, until it
+/// returns true. Leaves out those whose squared distance from p, rounded down, is not below `limit`, which may shrink
+/// meanwhile.
+template <class Visit>
+bool VoxelGrid::visit_below(const Place& p, int level, const Slot& parent, const Cell& cell, const double& limit,
+                            const Visit& visit) const {
+  const int shift = static_cast<int>(levels_.size()) - 2 - level;
+  const Level& below = levels_[static_cast<std::size_t>(level) + 1];
+  const double side = static_cast<double>(std::uint64_t{1} << shift);
+  double at[3];       // p, in voxels of the finest level
+  double gap[3][2];   // its squared distance from the lower and the upper half of the parent
+  unsigned near = 0;  // the octant of the parent that p is in, or nearest to
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    at[axis] = static_cast<double>(p.cell[axis]) + p.within[axis];
+    const double middle = static_cast<double>((2 * cell[axis] + 1) << shift);
+    const double to_lower = std::max({middle - side - at[axis], at[axis] - middle, 0.0});
+    const double to_upper = std::max({middle - at[axis], at[axis] - middle - side, 0.0});
+    gap[axis][0] = to_lower * to_lower;
+    gap[axis][1] = to_upper * to_upper;
+    near |= at[axis] >= middle ? 1u << axis : 0u;
+  }
+  const double to_squared_distance = (1 - 4 * kVoxelExcess) / (per_cell_ * per_cell_);
+  for (const int step : kNearestOctantsFirst) {
+    const unsigned octant = near ^ static_cast<unsigned>(step);
+    if ((parent.children >> octant & 1u) == 0) continue;
+    const std::size_t bit[3] = {octant & 1u, octant >> 1 & 1u, octant >> 2 & 1u};
+    if (!((gap[0][bit[0]] + gap[1][bit[1]] + gap[2][bit[2]]) * to_squared_distance < limit)) continue;
+    const Cell child = {2 * cell[0] + bit[0], 2 * cell[1] + bit[1], 2 * cell[2] + bit[2]};
+    const Slot& slot = below.slots[find_slot(below, voxel_key(child[0], child[1], child[2]))];
+    if (visit(slot, level + 1)) return true;
+    if (slot.children != 0 && visit_below(p, level + 1, slot, child, limit, visit)) return true;
+  }
+  return false;
+}
+
+/// Some sample of the voxel at squared distance < combine(weight, its own), or kNone. Combined with the bounds of all weights
+/// of a level this decides about most samples without a look at theirs.
+template <class Combine>
+Index VoxelGrid::conflict_in(const Slot& slot, int level, const Vec3& x, double weight, const Combine& combine) const {
+  const Level& at = levels_[static_cast<std::size_t>(level)];
+  const double inside = combine(weight, at.weight_above) * kSurelyInside;
+  const double outside = combine(weight, at.weight_below) * kSurelyOutside;
+  for (std::int32_t b = slot.block; b != kNone;) {
+    const Block& block = blocks_[static_cast<std::size_t>(b)];
+    for (int i = 0; i < block.count; ++i) {
+      const double d2 = squared_distance(x, block.positions[i]);
+      if (d2 > outside) continue;
+      if (d2 < inside) return block.ids[i];
+      const double w = combine(weight, weights_[static_cast<std::size_t>(block.ids[i])]);
+      if (d2 > w * kSurelyOutside) continue;
+      if (d2 < w * kSurelyInside || side_of_ball(x.data(), block.positions[i], w) < 0) return block.ids[i];
+    }
+    b = block.next;
+  }
+  return kNone;
+}
+
+Index VoxelGrid::conflicting_sample_by_max(const Vec3& x, double radius) const {
   const Place p = place(x);
-  const std::uint64_t key = voxel_key(p.cell[0], p.cell[1], p.cell[2]);
-  Slot& slot = slots_[find_slot(key)];
+  const int own = level_of(radius);
+  const double weight = radius * radius, limit = weight * (1 + kVoxelExcess);
+  const auto greater = [](double a, double b) { return std::max(a, b); };
+  Index found = kNone;
+  const auto in_voxel = [&](const Slot& slot, int level) {
+    found = conflict_in(slot, level, x, weight, greater);
+    return found != kNone;
+  };
+  visit_around(p, own, [&](const Slot& slot, const Cell& cell) {
+    return in_voxel(slot, own) || (slot.children != 0 && visit_below(p, own, slot, cell, limit, in_voxel));
+  });
+  for (int level = own - 1; level >= 0 && found == kNone; --level) {
+    visit_around(p, level, [&](const Slot& slot, const Cell&) { return in_voxel(slot, level); });
+  }
+  return found;
+}
+
+Index VoxelGrid::conflicting_sample_by_min(const Vec3& x, double radius) const {
+  const Place p = place(x);
+  const double weight = radius * radius;
+  const auto lesser = [](double a, double b) { return std::min(a, b); };
+  Index found = kNone;
+  for (int level = static_cast<int>(levels_.size()) - 1; level >= 0 && found == kNone; --level) {
+    visit_around(p, level, [&](const Slot& slot, const Cell&) {
+      found = conflict_in(slot, level, x, weight, lesser);
+      return found != kNone;
+    });
+  }
+  return found;
+}
+
+double VoxelGrid::nearest_squared_distance(const Vec3& x, double reach) const {
+  const Place p = place(x);
+  const int own = level_of(reach);
+  double nearest = INFINITY;
+  double limit = reach * reach * (1 + kVoxelExcess);
+  const auto in_voxel = [&](const Slot& slot, int) {
+    for (std::int32_t b = slot.block; b != kNone;) {
+      const Block& block = blocks_[static_cast<std::size_t>(b)];
+      for (int i = 0; i < block.count; ++i) nearest = std::min(nearest, squared_distance(x, block.positions[i]));
+      b = block.next;
+    }
+    limit = std::min(limit, nearest);
+    return false;
+  };
+  visit_around(p, own, [&](const Slot& slot, const Cell& cell) {
+    in_voxel(slot, own);
+    return slot.children != 0 && visit_below(p, own, slot, cell, limit, in_voxel);
+  });
+  for (int level = own - 1; level >= 0; --level) {
+    visit_around(p, level, [&](const Slot& slot, const Cell&) { return in_voxel(slot, level); });
+  }
+  return nearest;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
+// Storing
+
+void VoxelGrid::insert(const Vec3& x, Index id) {
+  const Place p = place(x);
+  store(slot_for(levels_.front(), voxel_key(p.cell[0], p.cell[1], p.cell[2])), x, id);
+}
+
+void VoxelGrid::insert(const Vec3& x, double radius, Index id) {
+  if (static_cast<std::size_t>(id) >= weights_.size()) weights_.resize(static_cast<std::size_t>(id) + 1);
+  weights_[static_cast<std::size_t>(id)] = radius * radius;
+  const Place p = place(x);
+  const int own = level_of(radius), finest = static_cast<int>(levels_.size()) - 1;
+  Slot& slot = slot_for(levels_[static_cast<std::size_t>(own)], key_at(p, own));
+  const bool known = slot.block != kNone || slot.children != 0;
+  store(slot, x, id);
+  if (known) return;  // and so do its ancestors
+  for (int level = own - 1; level >= 0; --level) {
+    Slot& ancestor = slot_for(levels_[static_cast<std::size_t>(level)], key_at(p, level));
+    const bool enough = ancestor.block != kNone || ancestor.children != 0;
+    const int shift = finest - level - 1;
+    const auto octant = (p.cell[0] >> shift & 1) | (p.cell[1] >> shift & 1) << 1 | (p.cell[2] >> shift & 1) << 2;
+    ancestor.children = static_cast<std::uint8_t>(ancestor.children | 1u << octant);
+    if (enough) return;
+  }
+}
+
+/// The slot of a key, made if need be.
+VoxelGrid::Slot& VoxelGrid::slot_for(Level& level, std::uint64_t key) {
+  if (2 * (level.used + 1) > level.slots.size()) grow(level);
+  Slot& slot = level.slots[find_slot(level, key)];
+  if (slot.key == kEmptyKey) {
+    slot.key = key;
+    ++level.used;
+  }
+  return slot;
+}
+
+void VoxelGrid::store(Slot& slot, const Vec3& x, Index id) {
+  AMPS_ASSERT(id >= 0);
   if (slot.block == kNone || blocks_[static_cast<std::size_t>(slot.block)].count == Block::kCapacity) {
     Block block{};
     block.next = slot.block;
     blocks_.push_back(block);
-    if (slot.block == kNone) ++used_slots_;
-    slot = {key, static_cast<std::int32_t>(blocks_.size() - 1)};
+    slot.block = static_cast<std::int32_t>(blocks_.size() - 1);
   }
   Block& block = blocks_[static_cast<std::size_t>(slot.block)];
   for (int axis = 0; axis < 3; ++axis) block.positions[block.count][axis] = x[axis];
   block.ids[block.count++] = id;
 }
 
-void VoxelGrid::grow() {
-  std::vector<Slot> old(2 * slots_.size(), Slot{kEmptyKey, kNone});
-  old.swap(slots_);
-  --shift_;
+void VoxelGrid::grow(Level& level) {
+  std::vector<Slot> old(2 * level.slots.size(), Slot{kEmptyKey, kNone, 0});
+  old.swap(level.slots);
+  --level.shift;
   for (const Slot& slot : old) {
-    if (slot.key != kEmptyKey) slots_[find_slot(slot.key)] = slot;
+    if (slot.key != kEmptyKey) level.slots[find_slot(level, slot.key)] = slot;
   }
-}
-
-AliasTable::AliasTable(const std::vector<double>& weights) : entries_(weights.size()) {
-  const std::size_t n = weights.size();
-  double largest = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    if (!(weights[i] >= 0 && std::isfinite(weights[i]))) {
-      throw Error(ErrorCode::kInvalidArgument, "AliasTable: weight " + std::to_string(i) +
-                                                   " is negative or not finite; weights must be finite and at least 0");
-    }
-    largest = std::max(largest, weights[i]);
-  }
-  if (!(largest > 0)) throw Error(ErrorCode::kInvalidArgument, "AliasTable: no weight is positive, so nothing can be drawn");
-
-  // Mass of each entry in units of the mean; relative to the largest first, so that the sum cannot overflow.
-  double sum = 0;
-  for (const double w : weights) sum += w / largest;
-  const double to_mean = static_cast<double>(n) / sum;
-  std::vector<double> mass(n);
-  std::vector<Index> light, heavy;
-  for (std::size_t i = 0; i < n; ++i) {
-    mass[i] = weights[i] / largest * to_mean;
-    (mass[i] < 1 ? light : heavy).push_back(static_cast<Index>(i));
-  }
-  while (!light.empty() && !heavy.empty()) {  // fill the column of a light entry up with mass of a heavy one
-    const auto i = static_cast<std::size_t>(light.back());
-    const auto j = static_cast<std::size_t>(heavy.back());
-    light.pop_back();
-    entries_[i] = {mass[i], static_cast<Index>(j)};
-    mass[j] -= 1 - mass[i];
-    if (mass[j] < 1) {
-      light.push_back(static_cast<Index>(j));
-      heavy.pop_back();
-    }
-  }
-  // Only one kind is left over, with a mean mass of 1 but for roundings (n·2^-53 at most): light ones, each below 1, are all
-  // near 1. So no entry of weight 0 is among them.
-  for (const auto* left : {&heavy, &light}) {
-    for (const Index i : *left) entries_[static_cast<std::size_t>(i)] = {1, i};
-  }
-}
-
-Index AliasTable::pick(Rng& rng) const noexcept {
-  // Fewer than 2^31 columns: uniform() favours none of them by more than 2^-22 of its share, and n·uniform() < n.
-  const auto column = static_cast<std::size_t>(rng.uniform() * static_cast<double>(entries_.size()));
-  const Entry& entry = entries_[column];
-  return rng.uniform() < entry.keep ? static_cast<Index>(column) : entry.alias;
 }
 
 }  // namespace amps::detail

@@ -1,40 +1,76 @@
-// voxel_grid.h (internal): what dart throwing stands on — a grid that tells whether a dart is too near to a sample, and a table
-// that draws facets by area.
+// voxel_grid.h (internal): the grid that tells whether a dart is too near to a sample.
 //
-// Yan & Wonka (2012, §3) use voxels of diagonal r with at most one sample each and look at 5³ of them. On a surface most of
-// these are empty, and looking up an empty voxel costs as much as a full one. Voxels of side 2r hold about three samples, and
-// the ball of a dart meets at most 2³ of them. Measured on the unit sphere, nanoseconds a dart with its share of insertions
-// (0.75·10⁴ and 0.74·10⁵ samples): side 2r 57 and 93, side r (27 voxels, culled) 100 and 190, side r/√3 255 and 363, and one
-// lookup a dart with each sample entered in all voxels its ball meets 89–156 and 320–530.
+// Yan & Wonka (2012, §3) use one grid of voxels of diagonal r_min, with at most one sample each, and look at all voxels that a
+// dart's ball meets: 5³ of them where r = r_min, 80³ where r = 16 r_min. We depart from that twice.
+//
+// Voxels are wide. On a surface most small voxels are empty, and looking up an empty voxel costs as much as a full one. Voxels
+// of side 2r hold about three samples, and the ball of a dart meets at most 2³ of them. Measured on the unit sphere,
+// nanoseconds a dart with its share of insertions (0.75·10⁴ and 0.74·10⁵ samples): side 2r 57 and 93, side r (27 voxels,
+// culled) 100 and 190, side r/√3 255 and 363, and one lookup a dart with each sample entered in all voxels its ball meets
+// 89–156 and 320–530.
+//
+// There is a grid for each size of disk. Level k holds the samples with R/2 < r ≤ R, R = 2^−k·r_max, in voxels of side 2R, each
+// voxel of level k being 2³ of level k + 1. At its own level and at each coarser one a dart looks at 2³ voxels; of the finer
+// levels it sees only what its ball meets, going down from its own 2³ voxels through children that hold samples. Levels of
+// equal radii are thus all there is to a uniform set, and levels without samples cost nothing.
 #pragma once
 
 #include "amps/base.h"
 #include "amps/mesh.h"
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
 namespace amps::detail {
 
-/// The samples of one radius r, and whether a point is at distance < r from one of them: |x − p|² < w, decided exactly, with
-/// w the double r·r. Sparse and hashed: O(#samples) memory whatever the box. Constant expected time for a query or an
-/// insertion as long as stored samples are not much nearer to each other than r. Queries may run concurrently.
+/// Samples with their radii, and which of them a dart conflicts with. Distances are compared with radii exactly: |x − p|² < w
+/// with w the double r·r. Sparse and hashed: O(#samples) memory whatever the box and the range of radii, as long as samples of
+/// few levels share a place (a sample far from all others takes a slot of 16 bytes on each coarser level). Queries may run
+/// concurrently. What a query costs holds for sets whose samples are not much nearer to each other than their radii.
 class VoxelGrid {
  public:
-  /// Can a grid be made: at most ~4e6·r a side, r² far from underflow and overflow? If not, the caller's error is kTooLarge.
-  static bool fits(const Box& box, double radius);
+  /// Can a grid be made: at most ~4e6·least a side, r² far from underflow and overflow? If not, the caller's error is
+  /// kTooLarge.
+  static bool fits(const Box& box, double least, double greatest);
+  static bool fits(const Box& box, double radius) { return fits(box, radius, radius); }
 
-  /// Requires fits(box, radius). Points given to the other members lie in the box, or at most r outside.
-  VoxelGrid(const Box& box, double radius);
+  /// For radii in [least, greatest]; requires fits(). Points given to the other members should lie in the box: what lies
+  /// outside costs time.
+  VoxelGrid(const Box& box, double least, double greatest);
+  VoxelGrid(const Box& box, double radius) : VoxelGrid(box, radius, radius) {}
+
+  /// Start to fetch what a query or an insertion at x will look at first: its voxel; once that is there, the samples in it.
+  void prefetch_voxel(const Vec3& x, double radius) const;
+  void prefetch_samples(const Vec3& x, double radius) const;
+
+  // Where all radii are equal:
 
   /// Some stored sample at distance < r from x, or kNone. Which one, if there are several, depends on the order of insertion
-  /// only.
+  /// only. O(1) expected.
   Index conflicting_sample(const Vec3& x) const;
   bool conflicts(const Vec3& x) const { return conflicting_sample(x) != kNone; }
 
   /// Stores a sample, whether or not it conflicts with others. `id` ≥ 0 is what conflicting_sample returns.
   void insert(const Vec3& x, Index id);
+
+  // Where they are not, radii in [0, greatest] for queries and [least, greatest] for samples:
+
+  /// Some stored sample p with |x − p| < max(radius, r_p), or kNone. O(1) expected a level that has samples, but for darts that
+  /// conflict with nothing beside a step in the radii: those pay for the small samples along their ball, which is O(1) for each
+  /// of them.
+  Index conflicting_sample_by_max(const Vec3& x, double radius) const;
+
+  /// The same with |x − p| < min(radius, r_p). O(1) expected a level that has samples.
+  Index conflicting_sample_by_min(const Vec3& x, double radius) const;
+
+  /// The least squared distance, as rounded by squaredNorm(), to a stored sample within about `reach`; +inf or more than
+  /// reach² if there is none.
+  double nearest_squared_distance(const Vec3& x, double reach) const;
+
+  /// `id` ≥ 0: ids are consecutive, or memory is wasted.
+  void insert(const Vec3& x, double radius, Index id);
 
  private:
   /// Samples of a voxel, side by side: two cache lines. A voxel with more has a list of blocks, the newest first.
@@ -48,43 +84,46 @@ class VoxelGrid {
   /// Open addressing, linear probing, at most half full. The key packs the three coordinates of a voxel.
   struct Slot {
     std::uint64_t key;
-    std::int32_t block;
+    std::int32_t block;     ///< kNone: no sample of this level
+    std::uint8_t children;  ///< bit c: child c holds samples, or some descendant of it does
+  };
+  struct Level {
+    std::vector<Slot> slots;
+    int shift;  ///< 64 − log2(slots.size())
+    std::size_t used = 0;
+    double radius;        ///< R: the greatest of its radii
+    double weight_above;  ///< no sample has a weight below this
+    double weight_below;  ///< or above this
   };
   struct Place {
-    std::uint64_t cell[3];
-    double within[3];  ///< position in the voxel, in [0, 1)
+    std::uint64_t cell[3];  ///< of the finest level
+    double within[3];       ///< position in the voxel, in [0, 1)
   };
+  using Cell = std::array<std::uint64_t, 3>;
 
   Place place(const Vec3& x) const;
-  std::size_t find_slot(std::uint64_t key) const;
-  void grow();
+  int level_of(double radius) const;
+  std::uint64_t key_at(const Place& p, int level) const;
+  static std::size_t find_slot(const Level& level, std::uint64_t key);
+  template <class Visit>
+  bool visit_around(const Place& p, int level, const Visit& visit) const;
+  template <class Visit>
+  bool visit_below(const Place& p, int level, const Slot& parent, const Cell& cell, const double& limit,
+                   const Visit& visit) const;
+  template <class Combine>
+  Index conflict_in(const Slot& slot, int level, const Vec3& x, double weight, const Combine& combine) const;
+  Slot& slot_for(Level& level, std::uint64_t key);
+  void store(Slot& slot, const Vec3& x, Index id);
+  static void grow(Level& level);
 
   Vec3 origin_;
-  double per_cell_;                        ///< 1 / side of a voxel
-  double weight_;                          ///< r·r
+  Vec3 extent_;                            ///< of the box, in voxels of the finest level
+  double per_cell_;                        ///< 1 / side of a voxel of the finest level
+  double weight_;                          ///< r·r, where all radii are equal
   double surely_inside_, surely_outside_;  ///< bounds on a rounded squared distance that decide without exact arithmetic
-  std::vector<Slot> slots_;
-  int shift_;  ///< 64 − log2(slots_.size())
-  std::size_t used_slots_ = 0;
+  std::vector<Level> levels_;              ///< coarsest first
   std::vector<Block> blocks_;
-};
-
-/// Draws i with probability weights[i] / Σ weights in constant time: Walker's alias method as built by Vose (IEEE TSE 17(9),
-/// 1991). The same table on every platform. Entries of weight 0 are never drawn.
-class AliasTable {
- public:
-  /// Throws Error(kInvalidArgument) if a weight is negative, NaN or infinite, or if none is positive. O(n).
-  explicit AliasTable(const std::vector<double>& weights);
-
-  /// Two draws of `rng`.
-  Index pick(Rng& rng) const noexcept;
-
- private:
-  struct Entry {
-    double keep;  ///< chance of this entry, rather than its alias, once its column is drawn
-    Index alias;
-  };
-  std::vector<Entry> entries_;
+  std::vector<double> weights_;  ///< by id, where radii differ
 };
 
 }  // namespace amps::detail

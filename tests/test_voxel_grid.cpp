@@ -4,6 +4,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -14,7 +15,6 @@ using amps::Index;
 using amps::kNone;
 using amps::Rng;
 using amps::Vec3;
-using amps::detail::AliasTable;
 using amps::detail::VoxelGrid;
 
 namespace {
@@ -140,60 +140,88 @@ TEST_CASE("voxel_grid: up to a million radii a side, down to radii that need sca
   CHECK(VoxelGrid::fits(unit, 1e100));
 }
 
-TEST_CASE("alias table: frequencies follow the weights") {
-  Rng rng(5);
-  std::vector<double> weights = {0, 1, 2, 0, 5, 1e-3, 10, 0.5, 0, 7, 7, 7};
-  for (int i = 0; i < 40; ++i) weights.push_back(rng.uniform());
-  for (const double scale : {1.0, 1e300, 1e-300}) {
-    std::vector<double> scaled = weights;
-    double sum = 0;
-    for (double& w : scaled) {
-      sum += w;
-      w *= scale;
-    }
-    const AliasTable table(scaled);
-    std::vector<int> count(weights.size(), 0);
-    const int draws = 1000000;
-    for (int i = 0; i < draws; ++i) ++count[static_cast<std::size_t>(table.pick(rng))];
-    double chi2 = 0, freedom = -1;
-    for (std::size_t i = 0; i < weights.size(); ++i) {
-      const double expected = draws * weights[i] / sum;
-      if (expected == 0) {
-        CHECK(count[i] == 0);
-        continue;
+TEST_CASE("voxel_grid: with many radii it agrees with all pairs, by either rule, and finds the nearest sample") {
+  Rng rng(11);
+  struct Stored {
+    Vec3 position;
+    double radius;
+  };
+  for (const double ratio : {1.0, 1.7, 2.0, 16.0, 1000.0}) {
+    for (const double greatest : {0.07, 0.4, 5.0}) {  // the last exceeds the box
+      const Box box = box_of(Vec3(3, -1, 0), Vec3(4, 0, 0.25));
+      const double least = greatest / ratio;
+      VoxelGrid grid(box, least, greatest);
+      std::vector<Stored> samples;
+      int by_max = 0, by_min = 0;
+      for (int dart = 0; dart < 1200; ++dart) {
+        Vec3 x = point_in_box(rng, box);
+        if (dart % 7 == 0) x += least * (2 * Vec3(rng.uniform(), rng.uniform(), rng.uniform()) - Vec3::Ones());
+        if (dart % 3 == 0 && !samples.empty()) {  // near some sample, where small ones crowd
+          const Stored& near = samples[rng.below(samples.size())];
+          x = near.position + 1.5 * near.radius * (2 * Vec3(rng.uniform(), rng.uniform(), rng.uniform()) - Vec3::Ones());
+        }
+        const double u = rng.uniform();
+        const double radius = dart % 10 == 0 ? least : dart % 11 == 0 ? greatest : least * std::pow(ratio, u * u);
+        bool max_conflict = false, min_conflict = false, covered = false;
+        double nearest = std::numeric_limits<double>::infinity();
+        for (const Stored& s : samples) {
+          const double d = (s.position - x).norm();
+          max_conflict |= d < std::max(radius, s.radius);
+          min_conflict |= d < std::min(radius, s.radius);
+          covered |= d < s.radius;
+          nearest = std::min(nearest, (x - s.position).squaredNorm());
+        }
+        const Index max_hit = grid.conflicting_sample_by_max(x, radius), min_hit = grid.conflicting_sample_by_min(x, radius);
+        REQUIRE((max_hit != kNone) == max_conflict);
+        REQUIRE((min_hit != kNone) == min_conflict);
+        REQUIRE((grid.conflicting_sample_by_max(x, 0) != kNone) == covered);
+        if (max_hit != kNone) {
+          const Stored& s = samples[static_cast<std::size_t>(max_hit)];
+          REQUIRE((s.position - x).norm() < std::max(radius, s.radius));
+        }
+        if (min_hit != kNone) {
+          const Stored& s = samples[static_cast<std::size_t>(min_hit)];
+          REQUIRE((s.position - x).norm() < std::min(radius, s.radius));
+        }
+        const double found = grid.nearest_squared_distance(x, radius);
+        if (nearest < radius * radius) {
+          REQUIRE(found == nearest);
+        } else {
+          REQUIRE(found >= nearest);
+        }
+        by_max += max_conflict;
+        by_min += min_conflict;
+        if (!min_conflict || dart % 5 == 0) {
+          grid.insert(x, radius, static_cast<Index>(samples.size()));
+          samples.push_back({x, radius});
+        }
       }
-      chi2 += (count[i] - expected) * (count[i] - expected) / expected;
-      freedom += 1;
+      CHECK(by_max > 100);
+      CHECK(by_min > 5);
     }
-    CHECK(chi2 < freedom + 4 * std::sqrt(2 * freedom));
   }
 }
 
-TEST_CASE("alias table: single entries, zeros among thirds, and what it refuses") {
-  Rng rng(6);
-  const AliasTable one(std::vector<double>{1e-308});
-  for (int i = 0; i < 100; ++i) CHECK(one.pick(rng) == 0);
-
-  std::vector<double> thirds;  // sums that round, with zeros that must never come up
-  for (int i = 0; i < 3000; ++i) thirds.push_back(i % 3 == 0 ? 0 : i % 3 == 1 ? 1.0 / 3 : 0.1);
-  const AliasTable table(thirds);
-  for (int i = 0; i < 200000; ++i) REQUIRE(table.pick(rng) % 3 != 0);
-
-  for (int trial = 0; trial < 2000; ++trial) {  // the same on tables that round each in its own way
-    std::vector<double> weights(5 + rng.below(20), 0.0);
-    for (std::size_t i = 3; i < weights.size(); ++i) weights[i] = rng.uniform();
-    const AliasTable random(weights);
-    for (int i = 0; i < 100; ++i) REQUIRE(random.pick(rng) >= 3);
-  }
-
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  const double infinity = std::numeric_limits<double>::infinity();
-  for (const std::vector<double>& bad : {std::vector<double>{}, {0, 0}, {1, -1}, {1, nan}, {1, infinity}}) {
-    try {
-      const AliasTable refused(bad);
-      FAIL("accepted");
-    } catch (const amps::Error& e) {
-      CHECK(e.code() == amps::ErrorCode::kInvalidArgument);
+TEST_CASE("voxel_grid: with many radii a point at distance exactly r is no conflict, the next double inward is") {
+  const Vec3 directions[] = {Vec3(13, 0, 0), Vec3(3, 4, 12), Vec3(-12, 3, 4), Vec3(4, -12, -3), Vec3(0, 5, -12)};
+  const Box box = box_of(Vec3::Constant(-200), Vec3::Constant(200));
+  for (const double other : {1.0, 6.5, 12.75, 13.0}) {
+    for (int place = 0; place < 40; ++place) {
+      const Vec3 p = Vec3(place, 2 * place - 17, 31 - place);
+      for (const Vec3& d : directions) {
+        Vec3 inward = p + d;
+        int axis;
+        d.cwiseAbs().maxCoeff(&axis);
+        inward[axis] = std::nextafter(inward[axis], p[axis]);
+        for (const bool large_is_stored : {false, true}) {
+          VoxelGrid grid(box, 0.5, 64);
+          grid.insert(p, large_is_stored ? 13 : other, 0);
+          const double radius = large_is_stored ? other : 13;
+          CHECK(grid.conflicting_sample_by_max(p + d, radius) == kNone);
+          CHECK(grid.conflicting_sample_by_max(inward, radius) == 0);
+          CHECK((grid.conflicting_sample_by_min(inward, radius) == 0) == (other == 13));
+        }
+      }
     }
   }
 }

@@ -1,0 +1,157 @@
+#define AMPS_OWN_SOURCE
+#include "amps/darts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <utility>
+
+namespace amps::detail {
+
+AliasTable::AliasTable(const std::vector<double>& weights) : entries_(weights.size()) {
+  const std::size_t n = weights.size();
+  double largest = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!(weights[i] >= 0 && std::isfinite(weights[i]))) {
+      throw Error(ErrorCode::kInvalidArgument, "AliasTable: weight " + std::to_string(i) +
+                                                   " is negative or not finite; weights must be finite and at least 0");
+    }
+    largest = std::max(largest, weights[i]);
+  }
+  if (!(largest > 0)) throw Error(ErrorCode::kInvalidArgument, "AliasTable: no weight is positive, so nothing can be drawn");
+
+  // Mass of each entry in units of the mean; relative to the largest first, so that the sum cannot overflow.
+  double sum = 0;
+  for (const double w : weights) sum += w / largest;
+  const double to_mean = static_cast<double>(n) / sum;
+  std::vector<double> mass(n);
+  std::vector<Index> light, heavy;
+  for (std::size_t i = 0; i < n; ++i) {
+    mass[i] = weights[i] / largest * to_mean;
+    (mass[i] < 1 ? light : heavy).push_back(static_cast<Index>(i));
+  }
+  while (!light.empty() && !heavy.empty()) {  // fill the column of a light entry up with mass of a heavy one
+    const auto i = static_cast<std::size_t>(light.back());
+    const auto j = static_cast<std::size_t>(heavy.back());
+    light.pop_back();
+    entries_[i] = {mass[i], static_cast<Index>(j)};
+    mass[j] -= 1 - mass[i];
+    if (mass[j] < 1) {
+      light.push_back(static_cast<Index>(j));
+      heavy.pop_back();
+    }
+  }
+  // Only one kind is left over, with a mean mass of 1 but for roundings (n·2^-53 at most): light ones, each below 1, are all
+  // near 1. So no entry of weight 0 is among them.
+  for (const auto* left : {&heavy, &light}) {
+    for (const Index i : *left) entries_[static_cast<std::size_t>(i)] = {1, i};
+  }
+}
+
+Index AliasTable::pick(Rng& rng) const noexcept {
+  // Fewer than 2^31 columns: uniform() favours none of them by more than 2^-22 of its share, and n·uniform() < n.
+  const auto column = static_cast<std::size_t>(rng.uniform() * static_cast<double>(entries_.size()));
+  const Entry& entry = entries_[column];
+  return rng.uniform() < entry.keep ? static_cast<Index>(column) : entry.alias;
+}
+
+namespace {
+
+/// Density 1/r² where the radii, given in ascending order, differ by more than rejection of uniform points bears: these would
+/// be drawn (r_max/r_min)² times. So the triangle is cut where r is 2, 4, 8, … times the least. A band [s, 2s] is chosen by
+/// area/s², the level line in it by area, and kept with probability (s/r)² ≥ 1/4.
+class BandedTriangle {
+ public:
+  explicit BandedTriangle(const std::array<double, 3>& radii) : r_(radii) {
+    double weight = 1;
+    for (double low = r_[0]; low < r_[2]; low *= 2, weight /= 4) {
+      const bool last = num_bands_ + 1 == kMostBands || 2 * low >= r_[2];
+      Band& band = bands_[num_bands_++];
+      band = {low, share_below(low), last ? 1.0 : share_below(2 * low), 0};
+      total_ += weight * (band.share_end - band.share_begin);
+      band.weight_up_to = total_;
+      if (last) break;
+    }
+  }
+
+  Vec3 draw(Rng& rng) const {
+    for (;;) {
+      const double choice = rng.uniform() * total_;
+      std::size_t k = 0;
+      while (k + 1 < num_bands_ && choice >= bands_[k].weight_up_to) ++k;
+      const Band& band = bands_[k];
+      const double r = level(band.share_begin + rng.uniform() * (band.share_end - band.share_begin));
+      if (rng.uniform() * r * r < band.low * band.low) return on_level(r, rng.uniform());
+    }
+  }
+
+ private:
+  /// The last band takes all the rest: it comes up with a chance of 4^-31.
+  static constexpr std::size_t kMostBands = 32;
+  struct Band {
+    double low;
+    double share_begin, share_end;  ///< of the triangle's area, from the corner of least radius on
+    double weight_up_to;
+  };
+
+  /// Share of the area where the radius is below r: two similar triangles, cut by the level line of the middle corner.
+  double share_below(double r) const {
+    if (r <= r_[0]) return 0;
+    if (r <= r_[1]) return (r - r_[0]) / (r_[1] - r_[0]) * ((r - r_[0]) / (r_[2] - r_[0]));
+    return 1 - (r_[2] - r) / (r_[2] - r_[1]) * ((r_[2] - r) / (r_[2] - r_[0]));
+  }
+
+  /// The inverse of share_below.
+  double level(double share) const {
+    const double span = r_[2] - r_[0];
+    const double r = share * span <= r_[1] - r_[0] ? r_[0] + std::sqrt(share * (r_[1] - r_[0]) * span)
+                                                   : r_[2] - std::sqrt((1 - share) * (r_[2] - r_[1]) * span);
+    return std::min(std::max(r, r_[0]), r_[2]);
+  }
+
+  /// The point at `along` ∈ [0, 1) of the level line of r.
+  Vec3 on_level(double r, double along) const {
+    const auto between = [&](int from, int to) {
+      const auto low = r_[static_cast<std::size_t>(from)], high = r_[static_cast<std::size_t>(to)];
+      const double t = high > low ? std::min(std::max((r - low) / (high - low), 0.0), 1.0) : 0.0;
+      Vec3 b = Vec3::Zero();
+      b[from] = 1 - t;
+      b[to] = t;
+      return b;
+    };
+    const Vec3 a = between(0, 2), b = r <= r_[1] ? between(0, 1) : between(1, 2);
+    return (1 - along) * a + along * b;
+  }
+
+  std::array<double, 3> r_;
+  std::array<Band, kMostBands> bands_;
+  std::size_t num_bands_ = 0;
+  double total_ = 0;
+};
+
+}  // namespace
+
+Vec3 density_barycentric(const std::array<double, 3>& radii, Rng& rng) {
+  std::array<std::size_t, 3> order = {0, 1, 2};
+  const auto sort_two = [&](std::size_t i, std::size_t j) {
+    if (radii[order[i]] > radii[order[j]]) std::swap(order[i], order[j]);
+  };
+  sort_two(0, 1);
+  sort_two(1, 2);
+  sort_two(0, 1);
+  const double least = radii[order[0]], greatest = radii[order[2]];
+  if (greatest <= 2 * least) {  // most pieces: every fourth point is kept, or more
+    for (;;) {
+      const Vec3 b = uniform_barycentric(rng);
+      const double r = b[0] * radii[0] + b[1] * radii[1] + b[2] * radii[2];
+      if (rng.uniform() * r * r < least * least) return b;
+    }
+  }
+  const Vec3 sorted = BandedTriangle({least, radii[order[1]], greatest}).draw(rng);
+  Vec3 b;
+  for (std::size_t k = 0; k < 3; ++k) b[static_cast<int>(order[k])] = sorted[static_cast<int>(k)];
+  return b;
+}
+
+}  // namespace amps::detail

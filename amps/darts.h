@@ -1,0 +1,33 @@
+// darts.h (internal): where darts fall — a table that draws facets by weight, and points of a triangle by density.
+#pragma once
+
+#include "amps/base.h"
+
+#include <array>
+#include <vector>
+
+namespace amps::detail {
+
+/// Draws i with probability weights[i] / Σ weights in constant time: Walker's alias method as built by Vose (IEEE TSE 17(9),
+/// 1991). The same table on every platform. Entries of weight 0 are never drawn.
+class AliasTable {
+ public:
+  /// Throws Error(kInvalidArgument) if a weight is negative, NaN or infinite, or if none is positive. O(n).
+  explicit AliasTable(const std::vector<double>& weights);
+
+  /// Two draws of `rng`.
+  Index pick(Rng& rng) const noexcept;
+
+ private:
+  struct Entry {
+    double keep;  ///< chance of this entry, rather than its alias, once its column is drawn
+    Index alias;
+  };
+  std::vector<Entry> entries_;
+};
+
+/// Barycentric coordinates of a random point of a triangle, of density exactly ∝ 1/r² with r > 0 linear between `radii` at its
+/// corners. Arithmetic and square roots only, so the same on every platform. O(1) expected, whatever the radii.
+Vec3 density_barycentric(const std::array<double, 3>& radii, Rng& rng);
+
+}  // namespace amps::detail
