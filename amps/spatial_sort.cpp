@@ -165,7 +165,7 @@ std::vector<Index> curve_order(const PointsView& points) {
     sites[k] = {row.x(), row.y(), row.z(), 0};
     ids[k] = static_cast<Index>(k);
   }
-  hilbert_sort(sites, ids, 0, ids.size(), nullptr);
+  hilbert_sort(sites, ids, 0, ids.size(), nullptr, 1);
   return ids;
 }
 

@@ -824,6 +824,7 @@ std::string RegularTriangulation::check(int level) const {
       }
     }
   }
+  if (level < 3) return "";
   for (Index v = 0; hidden > 0 && v < num_vertices(); ++v) {
     if (state(v) == VertexState::kVisible || state(v) == VertexState::kRemoved) continue;
     const Index c = vertex_cell_[slot(v)];

@@ -178,10 +178,11 @@ class RegularTriangulation {
   Index power_nearest(const Vec3& x, Index near = kNone) const;
 
   /// Re-proves every invariant and returns the first violation found, "" if none.
-  ///   1: adjacency is symmetric, corners agree, all finite cells positively oriented, hull closed and convex at its edges
-  ///   2: and every facet locally regular (hence the triangulation globally so), hidden points hidden
+  ///   1: adjacency is symmetric, corners agree, all finite cells positively oriented
+  ///   2: and every facet locally regular, hull facets included: then so is the whole triangulation (Edelsbrunner & Shah 1996)
+  ///   3: and hidden points are hidden
   /// Linear in the number of cells and points.
-  std::string check(int level = 2) const;
+  std::string check(int level = 3) const;
 
  private:
   friend struct detail::TriangulationTestAccess;

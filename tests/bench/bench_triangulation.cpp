@@ -8,6 +8,9 @@
 #ifdef AMPS_BENCH_CGAL
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Regular_triangulation_3.h>
+#ifdef CGAL_LINKED_WITH_TBB
+#include <tbb/global_control.h>
+#endif
 #endif
 
 #include <cmath>
@@ -129,11 +132,11 @@ const Input& input(char name) {
   return made.emplace(name, make()).first->second;
 }
 
-void triangulate(benchmark::State& state, char name) {
+void triangulate(benchmark::State& state, char name, unsigned threads) {
   const Input& in = input(name);
   std::int64_t cells = 0;
   for (auto _ : state) {
-    const amps::RegularTriangulation t(in.positions, in.weights);
+    const amps::RegularTriangulation t(in.positions, in.weights, threads);
     cells = t.num_cells();
   }
   state.counters["points"] = static_cast<double>(in.positions.rows());
@@ -204,6 +207,29 @@ void triangulate_cgal(benchmark::State& state, char name) {
   state.counters["cells"] = static_cast<double>(cells);
 }
 
+#ifdef CGAL_LINKED_WITH_TBB
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using ParallelOracle = CGAL::Regular_triangulation_3<
+    Kernel, CGAL::Triangulation_data_structure_3<CGAL::Regular_triangulation_vertex_base_3<Kernel>,
+                                                 CGAL::Regular_triangulation_cell_base_3<Kernel>, CGAL::Parallel_tag>>;
+
+/// CGAL on two threads, with its grid of locks.
+void triangulate_cgal_parallel(benchmark::State& state, char name) {
+  const Input& in = input(name);
+  std::vector<ParallelOracle::Weighted_point> points;
+  CGAL::Bbox_3 box;
+  for (Eigen::Index k = 0; k < in.positions.rows(); ++k) {
+    points.push_back(weighted_point(in, k));
+    box += points.back().bbox();
+  }
+  const tbb::global_control two(tbb::global_control::max_allowed_parallelism, 2);
+  for (auto _ : state) {
+    ParallelOracle::Lock_data_structure locks(box, 50);
+    ParallelOracle(points.begin(), points.end(), &locks);
+  }
+}
+#endif
+
 void insert_with_hint_cgal(benchmark::State& state, char name) {
   const Input& in = input(name);
   const Eigen::Index half = in.positions.rows() / 2, some = 10000;
@@ -252,11 +278,15 @@ const int kRegistered = [] {
     const char name = entry.first;
     const std::string title = std::string("triangulation/") + name + "_" + entry.second;
     const auto add = [&title](const char* who, std::function<void(benchmark::State&)> run) {
-      benchmark::RegisterBenchmark((title + who).c_str(), std::move(run))->Unit(benchmark::kMillisecond);
+      benchmark::RegisterBenchmark((title + who).c_str(), std::move(run))->Unit(benchmark::kMillisecond)->UseRealTime();
     };
-    add("/amps", [name](benchmark::State& state) { triangulate(state, name); });
+    add("/amps", [name](benchmark::State& state) { triangulate(state, name, 1); });
+    add("/amps_2_threads", [name](benchmark::State& state) { triangulate(state, name, 2); });
 #ifdef AMPS_BENCH_CGAL
     add("/cgal", [name](benchmark::State& state) { triangulate_cgal(state, name); });
+#ifdef CGAL_LINKED_WITH_TBB
+    add("/cgal_2_threads", [name](benchmark::State& state) { triangulate_cgal_parallel(state, name); });
+#endif
 #endif
   }
   for (const unsigned threads : {1u, 2u}) {
