@@ -108,6 +108,37 @@ class RestrictedPowerDiagram::Clipper {
     labels_.assign(polygon.labels, polygon.labels + polygon.size);
   }
 
+  /// The polygon with the bisector of `gone` lifted: the two edges beside that edge run on until they meet or leave the facet.
+  void load_without(const Polygon& polygon, Index gone) {
+    set_facet(polygon.facet);
+    start(polygon.site);
+    const Index n = polygon.size;
+    const auto at = static_cast<Index>(std::find(polygon.labels, polygon.labels + n, gone) - polygon.labels);
+    const Index in = polygon.labels[(at + n - 1) % n], out = polygon.labels[(at + 1) % n];
+    if (is_site(in)) clip(in);
+    if (is_site(out)) clip(out);
+    // What the facet cut by these two has between their edges takes the place of the edge. None of the other edges can end there:
+    // each already is an edge elsewhere, and a line bounds a convex polygon only once.
+    const std::size_t m = labels_.size();
+    std::size_t k = static_cast<std::size_t>(std::find(labels_.begin(), labels_.end(), in) - labels_.begin());
+    AMPS_ASSERT(k < m);
+    new_corners_.clear();
+    new_labels_.clear();
+    do {
+      k = k + 1 == m ? 0 : k + 1;
+      new_corners_.push_back(corners_[k]);
+      new_labels_.push_back(labels_[k]);
+    } while (labels_[k] != out);
+    for (Index e = 2; e < n; ++e) {
+      new_corners_.push_back(polygon.corners[(at + e) % n]);
+      new_labels_.push_back(polygon.labels[(at + e) % n]);
+    }
+    corners_.swap(new_corners_);
+    labels_.swap(new_labels_);
+  }
+
+  bool has_label(Index label) const { return std::find(labels_.begin(), labels_.end(), label) != labels_.end(); }
+
   /// Keeps what is on the owner's side of the bisector with `other`; true if something was cut off.
   bool clip(Index other) {
     const std::size_t n = corners_.size();
@@ -258,6 +289,21 @@ RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const Point
   build(threads, progress);
 }
 
+/// A regular tetrahedron whose corners are 4 diagonals from the centre of the box. At any point of the box its corners have power
+/// at least 12 diagonals² − w, and a site in the box that is not lighter at most 1 diagonal² − w: while there is such a guard, no
+/// sentinel owns anything on the mesh.
+std::array<WeightedPoint, RestrictedPowerDiagram::kSentinels> RestrictedPowerDiagram::sentinels() const {
+  const double reach = 4 * (high_ - low_).norm() / std::sqrt(3.0);
+  const Vec3 centre = low_ + (high_ - low_) / 2;
+  const double sign[kSentinels][3] = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
+  std::array<WeightedPoint, kSentinels> result{};
+  for (std::size_t k = 0; k < kSentinels; ++k) {
+    const Vec3 x = centre + reach * Vec3(sign[k][0], sign[k][1], sign[k][2]);
+    result[k] = {x.x(), x.y(), x.z(), least_weight_};
+  }
+  return result;
+}
+
 void RestrictedPowerDiagram::triangulate(const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights) {
   if (weights.size() != sites.rows()) {
     throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: " + std::to_string(sites.rows()) + " sites with " +
@@ -273,17 +319,16 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const Eigen::R
     low = low.cwiseMin(sites.row(s).transpose());
     high = high.cwiseMax(sites.row(s).transpose());
   }
-  // A regular tetrahedron whose corners are 4 diagonals from the centre. At any point of the box its corners have power at
-  // least 9 diagonals² − w_min, and every site at most 1 diagonal² − w_min.
-  const double reach = 4 * (high - low).norm() / std::sqrt(3.0);
-  const Vec3 centre = low + (high - low) / 2;
-  const double least_weight = weights.minCoeff();
+  low_ = low;
+  high_ = high;
+  least_weight_ = weights.minCoeff();
+  num_guards_ = static_cast<Index>(sites.rows());
   Points positions(sites.rows() + kSentinels, 3);
   Eigen::VectorXd all_weights(positions.rows());
-  const double sign[4][3] = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
-  for (int k = 0; k < kSentinels; ++k) {
-    positions.row(k) = (centre + reach * Vec3(sign[k][0], sign[k][1], sign[k][2])).transpose();
-    all_weights[k] = least_weight;
+  Index k = 0;
+  for (const WeightedPoint& sentinel : sentinels()) {
+    positions.row(k) = sentinel.position().transpose();
+    all_weights[k++] = sentinel.w;
   }
   positions.bottomRows(sites.rows()) = sites;
   all_weights.tail(weights.size()) = weights;
@@ -416,6 +461,10 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
 }
 
 void RestrictedPowerDiagram::update_reach(Index s) {
+  if (!visible(s)) {
+    reach_[slot(s)] = kNoCell;
+    return;
+  }
   double reach = 0;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
     const double farthest = this->reach(f);
@@ -592,17 +641,50 @@ void RestrictedPowerDiagram::compact_pools() {
 // ---------------------------------------------------------------------------------------------------------------------------
 // Local insertion
 
-Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index near) {
-  const Index hint = near == kNone || !visible(near) ? kNone : triangulation_.incident_cell(near + kSentinels);
-  const Index s = triangulation_.insert(position, weight, hint) - kSentinels;
-  first_of_site_.push_back(kNone);
-  reach_.push_back(0);
-  changed_.clear();
-  if (!visible(s)) return s;
+Index RestrictedPowerDiagram::hint_cell(Index near) const {
+  return near == kNone || !visible(near) ? kNone : triangulation_.incident_cell(near + kSentinels);
+}
 
+Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index near) {
+  const Index s = triangulation_.insert(position, weight, hint_cell(near)) - kSentinels;
+  first_of_site_.push_back(kNone);
+  reach_.push_back(kNoCell);
+  num_guards_ += is_guard(s);
+  changed_.clear();
+  if (visible(s)) take_cell(s, triangulation_.neighbors_of_last_insertion());
+  return s;
+}
+
+void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weight, Index near) {
+  if (s < 0 || s >= num_sites() || !removed(s)) {
+    throw Error(ErrorCode::kInvalidArgument,
+                "restricted power diagram: site " + std::to_string(s) + " is not a removed one; use insert()");
+  }
+  triangulation_.reinsert(s + kSentinels, position, weight, hint_cell(near));
+  num_guards_ += is_guard(s);
+  changed_.clear();
+  if (!visible(s)) return;
+  std::vector<Index> around;
+  triangulation_.neighbors(s + kSentinels, around);
+  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+    const WeightedPoint &p = site(s), &q = triangulation_.point(v);
+    if (v < kSentinels || p.position() != q.position() || p.w != q.w) continue;
+    // Its duplicate had the cell until now, and no bisector tells the two apart.
+    neighbors(s, around);
+    around.push_back(s);
+    reach_[slot(s)] = 0;
+    share_out(v - kSentinels, around);
+    finish_edit();
+    return;
+  }
+  take_cell(s, around);
+}
+
+/// Gives a new site its cell. `around`: its neighbours, vertices of the triangulation.
+void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around) {
   // The new cell takes its place from its neighbours and from the sites it has hidden, and from nobody else.
   std::vector<Plane> planes;
-  for (const Index v : triangulation_.neighbors_of_last_insertion()) {
+  for (const Index v : around) {
     if (v >= kSentinels) planes.push_back(plane(s, v - kSentinels));
   }
   std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
@@ -616,7 +698,9 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
   }
   for (const Plane& plane : planes) clip_fragments_of(plane.site, s, clipper, facets);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
-    if (v >= kSentinels && v != s + kSentinels) clip_fragments_of(v - kSentinels, s, clipper, facets);
+    if (v < kSentinels || v == s + kSentinels) continue;
+    clip_fragments_of(v - kSentinels, s, clipper, facets);
+    reach_[slot(v - kSentinels)] = kNoCell;
   }
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
@@ -628,11 +712,14 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
     add_fragment(facet, s, clipper);
   }
   update_reach(s);
+  finish_edit();
+}
+
+void RestrictedPowerDiagram::finish_edit() {
   compact_pools();
   // A slot freed and used again is listed twice.
   std::sort(changed_.begin(), changed_.end());
   changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
-  return s;
 }
 
 /// Takes the cell of `by` off the fragments of `site`, and lists the facets where it took something.
@@ -664,6 +751,161 @@ void RestrictedPowerDiagram::clip_fragments_of(Index site, Index by, Clipper& cl
   }
   if (any_clipped) update_reach(site);
 }
+
+// ---------------------------------------------------------------------------------------------------------------------------
+// Local removal
+//
+// What a site leaves in a facet is a convex polygon, to be divided among its heirs: its neighbours in space and the sites that
+// it alone has hidden. A site beyond an edge of it gets the strip along that edge, hence a larger fragment: its old one, grown
+// over the edge as far as the facet reaches, and cut by the other heirs. The edges of the grown ones lead to heirs that had
+// nothing in the facet. Fragments that have no edge with the polygon stay as they are, as do other facets.
+
+void RestrictedPowerDiagram::remove(Index s) {
+  if (s < 0 || s >= num_sites() || removed(s)) {
+    throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: there is no site " + std::to_string(s) + "; ids are 0 to " +
+                                                 std::to_string(num_sites() - 1) + ", less those removed");
+  }
+  if (num_removed() + 1 == num_sites()) {
+    throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: site " + std::to_string(s) +
+                                                 " is the last one, and a diagram has at least one; insert another first");
+  }
+  keep_a_guard(s);
+  changed_.clear();
+  const bool had_cell = visible(s);
+  std::vector<Index> heirs;
+  if (had_cell) triangulation_.neighbors(s + kSentinels, heirs);
+  const Index hidden = triangulation_.num_hidden();
+  triangulation_.remove(s + kSentinels);
+  if (!had_cell) return;
+  if (triangulation_.num_hidden() != hidden) add_uncovered(heirs);
+  heirs.erase(std::remove_if(heirs.begin(), heirs.end(), [](Index v) { return v < kSentinels; }), heirs.end());
+  for (Index& heir : heirs) heir -= kSentinels;
+  share_out(s, heirs);
+  finish_edit();
+}
+
+bool RestrictedPowerDiagram::is_guard(Index s) const {
+  const WeightedPoint& p = site(s);
+  return p.w >= least_weight_ && (p.position().array() >= low_.array()).all() && (p.position().array() <= high_.array()).all();
+}
+
+/// Before the removal of s: if it is the last guard, the sentinels move so that all sites are guards. No cell on the mesh changes.
+void RestrictedPowerDiagram::keep_a_guard(Index s) {
+  if (!is_guard(s)) return;
+  if (--num_guards_ > 0) return;
+  for (Index u = 0; u < num_sites(); ++u) {
+    if (removed(u)) continue;
+    low_ = low_.cwiseMin(site(u).position());
+    high_ = high_.cwiseMax(site(u).position());
+    least_weight_ = std::min(least_weight_, site(u).w);
+  }
+  Index v = 0;
+  for (const WeightedPoint& sentinel : sentinels()) triangulation_.move(v++, sentinel.position(), sentinel.w);
+  num_guards_ = num_sites() - num_removed() - 1;
+  for (Index u = 0; u < num_sites(); ++u) {  // a duplicate of a sentinel, and the like
+    if (visible(u) != (reach_[slot(u)] != kNoCell)) update_reach(u);
+  }
+}
+
+/// Adds to the neighbours of a removed site (vertices of the triangulation) those that have come back from hiding. They and the
+/// neighbours fill its place, so that each is joined to a neighbour by edges between such vertices.
+void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& heirs) {
+  std::vector<Index> around;
+  for (std::size_t k = 0; k < heirs.size(); ++k) {
+    triangulation_.neighbors(heirs[k], around);
+    for (const Index v : around) {
+      const bool fresh = v < kSentinels ? std::find(heirs.begin(), heirs.end(), v) == heirs.end()
+                                        : reach_[slot(v - kSentinels)] == kNoCell;
+      if (!fresh) continue;
+      if (v >= kSentinels) reach_[slot(v - kSentinels)] = 0;
+      heirs.push_back(v);
+    }
+  }
+}
+
+/// Divides the fragments of s, which has no cell any more, among the heirs.
+void RestrictedPowerDiagram::share_out(Index s, const std::vector<Index>& heirs) {
+  Clipper clipper(*this);
+  std::vector<Index> owners;
+  reach_[slot(s)] = kNoCell;
+  for (Index f = first_of_site(s); f != kNone;) {
+    const Index next = next_of_site(f);
+    share_out_facet(f, heirs, clipper, owners);
+    f = next;
+  }
+}
+
+/// `owners`: scratch.
+void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& heirs, Clipper& clipper,
+                                             std::vector<Index>& owners) {
+  const Polygon left = polygon(f);
+  owners.clear();
+  for (Index k = 0; k < left.size; ++k) {
+    if (is_site(left.labels[k])) owners.push_back(left.labels[k]);
+  }
+  free_fragment(f);
+  changed_.push_back(f);
+  if (owners.empty()) owners.push_back(owner_of_corner(left.facet, heirs));
+  for (std::size_t n = 0; n < owners.size(); ++n) {
+    const Index owner = owners[n], grown = fragment_of(left.facet, owner);
+    if (grown == kNone) {
+      clipper.set_facet(left.facet);
+      clipper.start(owner);
+    } else {
+      clipper.load_without(polygon(grown), left.site);
+    }
+    // Those with edges here first: they cut off the most.
+    for (const Index other : owners) {
+      if (other != owner && !clipper.has_label(other)) clipper.clip(other);
+    }
+    for (const Index other : heirs) {
+      if (other != owner && !clipper.has_label(other)) clipper.clip(other);
+    }
+    AMPS_ASSERT(!clipper.empty());
+    for (const Index label : clipper.labels()) {
+      if (!is_site(label) || std::find(owners.begin(), owners.end(), label) != owners.end()) continue;
+      const Index* const labels = grown == kNone ? nullptr : polygon(grown).labels;
+      if (grown == kNone || std::find(labels, labels + polygon(grown).size, label) == labels + polygon(grown).size) {
+        owners.push_back(label);
+      }
+    }
+    if (grown == kNone) {
+      add_fragment(left.facet, owner, clipper);
+    } else {
+      store_polygon(fragments_[slot(grown)], clipper);
+      changed_.push_back(grown);
+    }
+    const double farthest = reach(grown == kNone ? changed_.back() : grown);
+    double& known = reach_[slot(owner)];
+    if (farthest > known || std::isnan(farthest)) known = farthest;
+  }
+}
+
+/// Which of these sites owns the first corner of the facet.
+Index RestrictedPowerDiagram::owner_of_corner(Index facet, const std::vector<Index>& among) const {
+  const double* const x = mesh_.position(mesh_.triangles(facet, 0));
+  const double* const corners[3] = {x, x, x};
+  AMPS_ASSERT(!among.empty());
+  Index best = among.front();
+  for (const Index other : among) {
+    if (other != best && side_of_corner(corners, 0, Bisector(site(best), site(other), corners)) < 0) best = other;
+  }
+  return best;
+}
+
+/// The fragment of the site in the facet, if any. In time proportional to the shorter of their lists, or better.
+Index RestrictedPowerDiagram::fragment_of(Index facet, Index site) const {
+  Index a = first_of_facet(facet), b = first_of_site(site);
+  while (a != kNone && b != kNone) {
+    if (fragments_[slot(a)].site == site) return a;
+    if (fragments_[slot(b)].facet == facet) return b;
+    a = next_of_facet(a);
+    b = next_of_site(b);
+  }
+  return kNone;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
 
 void RestrictedPowerDiagram::neighbors(Index s, std::vector<Index>& out) const {
   triangulation_.neighbors(s + kSentinels, out);
