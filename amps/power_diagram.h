@@ -55,6 +55,7 @@ class RestrictedPowerDiagram {
   const WeightedPoint& site(Index s) const { return triangulation_.point(s + kSentinels); }
   bool removed(Index s) const { return triangulation_.state(s + kSentinels) == RegularTriangulation::VertexState::kRemoved; }
   /// False if others dominate the site everywhere in space (its power cell is empty), it is a duplicate, or removed.
+  /// Space ends where four far sentinel sites begin (neighbors()): a cell beyond them does not count.
   bool visible(Index s) const { return triangulation_.state(s + kSentinels) == RegularTriangulation::VertexState::kVisible; }
   const MeshView& mesh() const { return mesh_; }
 
