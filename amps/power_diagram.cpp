@@ -664,8 +664,7 @@ void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weig
   num_guards_ += is_guard(s);
   changed_.clear();
   if (!visible(s)) return;
-  std::vector<Index> around;
-  triangulation_.neighbors(s + kSentinels, around);
+  std::vector<Index> around = link_of(s);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     const WeightedPoint &p = site(s), &q = triangulation_.point(v);
     if (v < kSentinels || p.position() != q.position() || p.w != q.w) continue;
@@ -688,19 +687,22 @@ void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around
     if (v >= kSentinels) planes.push_back(plane(s, v - kSentinels));
   }
   std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
-  Clipper clipper(*this);
-  std::vector<Index> facets;
   for (const Plane& plane : planes) {  // worth a tenth of the time of an insertion, where the fragments exceed the cache
     const Index first = first_of_site(plane.site);
     if (first == kNone || plane.offset > reach_[slot(plane.site)]) continue;
     const Index last = std::min(first + detail::kFragmentsPrefetched, fragment_capacity());
     for (Index f = first; f < last; ++f) detail::prefetch(&fragments_[slot(f)]);
   }
-  for (const Plane& plane : planes) clip_fragments_of(plane.site, s, clipper, facets);
+  std::vector<Index> touched;
+  for (const Plane& plane : planes) find_touched(plane.site, s, touched);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
-    if (v < kSentinels || v == s + kSentinels) continue;
-    clip_fragments_of(v - kSentinels, s, clipper, facets);
-    reach_[slot(v - kSentinels)] = kNoCell;
+    if (v >= kSentinels && v != s + kSentinels) find_touched(v - kSentinels, s, touched);
+  }
+  for (const Index f : touched) prefetch_facet_corners(fragments_[slot(f)].facet);
+  Clipper clipper(*this);
+  std::vector<Index> facets = clip_touched(touched, s, clipper);
+  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+    if (v >= kSentinels && v != s + kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
   }
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
@@ -722,24 +724,31 @@ void RestrictedPowerDiagram::finish_edit() {
   changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
 }
 
-/// Takes the cell of `by` off the fragments of `site`, and lists the facets where it took something.
-void RestrictedPowerDiagram::clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets) {
+/// Lists the fragments of `site` from which the cell of `by` may take something.
+void RestrictedPowerDiagram::find_touched(Index site, Index by, std::vector<Index>& touched) const {
   if (plane(site, by).offset > reach_[slot(site)]) return;
   const detail::SideFilter filter(this->site(site), this->site(by));
   const double error = largest_facet_error_, slope = filter.slope();
-  bool any_clipped = false;
-  for (Index f = first_of_site(site); f != kNone;) {
-    const Index next = next_of_site(f);
-    const Polygon polygon = this->polygon(f);
+  for (Index f = first_of_site(site); f != kNone; f = next_of_site(f)) {
     const Fragment& fragment = fragments_[slot(f)];
-    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error, slope)) {
-      f = next;
-      continue;
-    }
-    clipper.load(polygon);
-    if (clipper.clip(by)) {
+    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error, slope)) continue;
+    touched.push_back(f);
+    prefetch_polygon(f);
+  }
+}
+
+/// Takes the cell of `by` off these fragments, grouped by site, and returns the facets where it took something.
+std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper) {
+  std::vector<Index> facets;
+  for (std::size_t k = 0; k < touched.size();) {
+    const Index site = fragments_[slot(touched[k])].site;
+    bool any_clipped = false;
+    for (; k < touched.size() && fragments_[slot(touched[k])].site == site; ++k) {
+      const Index f = touched[k];
+      clipper.load(polygon(f));
+      if (!clipper.clip(by)) continue;
       any_clipped = true;
-      facets.push_back(polygon.facet);
+      facets.push_back(fragments_[slot(f)].facet);
       changed_.push_back(f);
       if (clipper.empty()) {
         free_fragment(f);
@@ -747,9 +756,46 @@ void RestrictedPowerDiagram::clip_fragments_of(Index site, Index by, Clipper& cl
         store_polygon(fragments_[slot(f)], clipper);
       }
     }
-    f = next;
+    if (any_clipped) update_reach(site);
   }
-  if (any_clipped) update_reach(site);
+  return facets;
+}
+
+// Fragments that an edit touches are far apart in memory. It asks for all of them before it works on the first: on a mesh that
+// exceeds the cache half of its time otherwise is waiting.
+
+/// For the polygon of a fragment, and the corners' indices of its facet.
+void RestrictedPowerDiagram::prefetch_polygon(Index f) const {
+  const Fragment& fragment = fragments_[slot(f)];
+  detail::prefetch(&corners_[slot(fragment.first)]);
+  detail::prefetch(&corners_[slot(fragment.first + fragment.size - 1)]);
+  detail::prefetch(&labels_[slot(fragment.first)]);
+  detail::prefetch(mesh_.triangles.data() + fragment.facet * mesh_.triangles.outerStride());
+  detail::prefetch(&facet_error_[slot(fragment.facet)]);
+}
+
+void RestrictedPowerDiagram::prefetch_facet_corners(Index facet) const {
+  for (int c = 0; c < 3; ++c) detail::prefetch(mesh_.position(mesh_.triangles(facet, c)));
+}
+
+/// The neighbours of a visible site, vertices of the triangulation.
+std::vector<Index> RestrictedPowerDiagram::link_of(Index s) {
+  std::vector<Index> star, link;
+  triangulation_.incident_cells(s + kSentinels, star);
+  stamp_.resize(slot(triangulation_.num_vertices()), 0);
+  if (++last_stamp_ == 0) {
+    std::fill(stamp_.begin(), stamp_.end(), 0u);
+    last_stamp_ = 1;
+  }
+  stamp_[slot(s + kSentinels)] = last_stamp_;
+  for (const Index c : star) {
+    for (const Index v : triangulation_.cell(c).vertex) {
+      if (v == RegularTriangulation::kInfinite || stamp_[slot(v)] == last_stamp_) continue;
+      stamp_[slot(v)] = last_stamp_;
+      link.push_back(v);
+    }
+  }
+  return link;
 }
 
 // ---------------------------------------------------------------------------------------------------------------------------
@@ -773,7 +819,7 @@ void RestrictedPowerDiagram::remove(Index s) {
   changed_.clear();
   const bool had_cell = visible(s);
   std::vector<Index> heirs;
-  if (had_cell) triangulation_.neighbors(s + kSentinels, heirs);
+  if (had_cell) heirs = link_of(s);
   const Index hidden = triangulation_.num_hidden();
   triangulation_.remove(s + kSentinels);
   if (!had_cell) return;
@@ -825,18 +871,47 @@ void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& heirs) {
 
 /// Divides the fragments of s, which has no cell any more, among the heirs.
 void RestrictedPowerDiagram::share_out(Index s, const std::vector<Index>& heirs) {
+  std::vector<Index> left, contenders, owners;
+  for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
+    left.push_back(f);
+    prefetch_polygon(f);
+    detail::prefetch(&first_of_facet_[slot(fragments_[slot(f)].facet)]);
+  }
+  for (const Index f : left) {
+    const Index facet = fragments_[slot(f)].facet;
+    prefetch_facet_corners(facet);
+    Index grown = first_of_facet(facet);
+    for (Index k = 0; k < detail::kFragmentsPrefetched && grown != kNone; ++k, grown = next_of_facet(grown)) prefetch_polygon(grown);
+  }
   Clipper clipper(*this);
-  std::vector<Index> owners;
   reach_[slot(s)] = kNoCell;
-  for (Index f = first_of_site(s); f != kNone;) {
-    const Index next = next_of_site(f);
-    share_out_facet(f, heirs, clipper, owners);
-    f = next;
+  for (const Index f : left) {
+    find_contenders(f, heirs, contenders);
+    share_out_facet(f, contenders, clipper, owners);
+  }
+}
+
+/// The heirs that may own something in fragment f. At its points, in the ball around it, the owner's power is at most what any
+/// heir's can be there.
+void RestrictedPowerDiagram::find_contenders(Index f, const std::vector<Index>& heirs, std::vector<Index>& contenders) const {
+  const Fragment& fragment = fragments_[slot(f)];
+  const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
+  const double radius = fragment.radius + largest_facet_error_;
+  const auto slack = [](double d, double w) { return detail::kOffsetSlack * (d * d + std::fabs(w)); };
+  double most = INFINITY;
+  for (const Index heir : heirs) {
+    const double d = (site(heir).position() - centre).norm() + radius, w = site(heir).w;
+    most = std::min(most, d * d - w + slack(d, w));
+  }
+  contenders.clear();
+  for (const Index heir : heirs) {
+    const double d = std::max((site(heir).position() - centre).norm() - radius, 0.0), w = site(heir).w;
+    if (!(d * d - w - slack(d, w) > most)) contenders.push_back(heir);  // NaN, from overflow, decides nothing
   }
 }
 
 /// `owners`: scratch.
-void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& heirs, Clipper& clipper,
+void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& contenders, Clipper& clipper,
                                              std::vector<Index>& owners) {
   const Polygon left = polygon(f);
   owners.clear();
@@ -845,7 +920,7 @@ void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& 
   }
   free_fragment(f);
   changed_.push_back(f);
-  if (owners.empty()) owners.push_back(owner_of_corner(left.facet, heirs));
+  if (owners.empty()) owners.push_back(owner_of_corner(left.facet, contenders));
   for (std::size_t n = 0; n < owners.size(); ++n) {
     const Index owner = owners[n], grown = fragment_of(left.facet, owner);
     if (grown == kNone) {
@@ -858,7 +933,7 @@ void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& 
     for (const Index other : owners) {
       if (other != owner && !clipper.has_label(other)) clipper.clip(other);
     }
-    for (const Index other : heirs) {
+    for (const Index other : contenders) {
       if (other != owner && !clipper.has_label(other)) clipper.clip(other);
     }
     AMPS_ASSERT(!clipper.empty());

@@ -164,12 +164,17 @@ class RestrictedPowerDiagram {
   void store_polygon(Fragment& fragment, const Clipper& clipper);
   void bound(Fragment& fragment);
   void free_fragment(Index f);
-  void clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets);
+  void find_touched(Index site, Index by, std::vector<Index>& touched) const;
+  std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper);
+  void prefetch_polygon(Index f) const;
+  void prefetch_facet_corners(Index facet) const;
+  std::vector<Index> link_of(Index s);
   Index hint_cell(Index near) const;
   void take_cell(Index s, const std::vector<Index>& around);
   void add_uncovered(std::vector<Index>& heirs);
   void share_out(Index s, const std::vector<Index>& heirs);
-  void share_out_facet(Index f, const std::vector<Index>& heirs, Clipper& clipper, std::vector<Index>& owners);
+  void share_out_facet(Index f, const std::vector<Index>& contenders, Clipper& clipper, std::vector<Index>& owners);
+  void find_contenders(Index f, const std::vector<Index>& heirs, std::vector<Index>& contenders) const;
   Index owner_of_corner(Index facet, const std::vector<Index>& among) const;
   Index fragment_of(Index facet, Index site) const;
   void finish_edit();
@@ -194,6 +199,8 @@ class RestrictedPowerDiagram {
   Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
   std::vector<Index> changed_;
+  std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of link_of
+  std::uint32_t last_stamp_ = 0;
   double seconds_triangulation_ = 0;
 };
 
