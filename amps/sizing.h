@@ -120,7 +120,7 @@ inline constexpr double kDefaultGradation = 0.15;
 double count_factor(const SizingField& field, double count);
 
 /// The field scaled by some s and then limited in gradation, for about `count` samples in all: s is such that
-/// kSamplesPerDensity · ∫dA/r² is within 0.1 % of `count`. An infinite gradation gives field.scaled(count_factor(field,
+/// kSamplesPerDensity · ∫dA/r² is within 0.5 % of `count`. An infinite gradation gives field.scaled(count_factor(field,
 /// count)). Throws as count_factor and SizingField::limited. A few times the cost of limited().
 SizingField for_count(const SizingField& field, double count, double gradation = kDefaultGradation);
 
