@@ -31,6 +31,8 @@
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
+//   power_diagram_clipper  (internal) its polygons, cut by bisectors
+//   power_diagram_edit     (its .cpp only) inserting and removing sites
 //   sizing.h         sizing fields: the wanted radius at each point of a surface
 //   sizing_lfs              (its .cpp only) local feature size, by poles
 //   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
