@@ -40,6 +40,7 @@
 //   darts.h          (internal) drawing facets by weight and points by density
 //   count_model.h    (internal) how many samples radii make
 //   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
+//   fragment_gaps.h  (internal) the gaps of a restricted power diagram
 //   sampling.h       darts, gap filling, and the certificate that a set is maximal
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with

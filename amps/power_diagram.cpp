@@ -370,6 +370,7 @@ void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper
   link(f);
   ++num_fragments_;
   changed_.push_back(f);
+  changed_sites_.push_back(site);
 }
 
 /// The slot keeps its room in the pools for its next use.

@@ -91,6 +91,8 @@ class RestrictedPowerDiagram {
   /// Slots of fragments that the last insert(), remove() or reinsert() created, changed or freed (then not alive), ascending,
   /// each once.
   const std::vector<Index>& changed() const { return changed_; }
+  /// Sites that owned or own one of these, ascending, each once: of no other site have fragments, or dual triangles, changed.
+  const std::vector<Index>& changed_sites() const { return changed_sites_; }
 
   /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending. Four far sentinel sites
   /// take part in space, so sites on the outside may lack neighbours across large distances; never ones that share a fragment's
@@ -198,7 +200,7 @@ class RestrictedPowerDiagram {
   double least_weight_ = 0;                        ///< theirs
   Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
-  std::vector<Index> changed_;
+  std::vector<Index> changed_, changed_sites_;
   std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of link_of
   std::uint32_t last_stamp_ = 0;
   double seconds_triangulation_ = 0;

@@ -22,6 +22,7 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
   reach_.push_back(kNoCell);
   num_guards_ += is_guard(s);
   changed_.clear();
+  changed_sites_.clear();
   if (visible(s)) take_cell(s, triangulation_.neighbors_of_last_insertion());
   return s;
 }
@@ -34,6 +35,7 @@ void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weig
   triangulation_.reinsert(s + kSentinels, position, weight, hint_cell(near));
   num_guards_ += is_guard(s);
   changed_.clear();
+  changed_sites_.clear();
   if (!visible(s)) return;
   std::vector<Index> around = link_of(s);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
@@ -93,6 +95,8 @@ void RestrictedPowerDiagram::finish_edit() {
   // A slot freed and used again is listed twice.
   std::sort(changed_.begin(), changed_.end());
   changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
+  std::sort(changed_sites_.begin(), changed_sites_.end());
+  changed_sites_.erase(std::unique(changed_sites_.begin(), changed_sites_.end()), changed_sites_.end());
 }
 
 /// Lists the fragments of `site` from which the cell of `by` may take something.
@@ -127,7 +131,9 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
         store_polygon(fragments_[slot(f)], clipper);
       }
     }
-    if (any_clipped) update_reach(site);
+    if (!any_clipped) continue;
+    changed_sites_.push_back(site);
+    update_reach(site);
   }
   return facets;
 }
@@ -188,6 +194,7 @@ void RestrictedPowerDiagram::remove(Index s) {
   }
   keep_a_guard(s);
   changed_.clear();
+  changed_sites_.clear();
   const bool had_cell = visible(s);
   std::vector<Index> heirs;
   if (had_cell) heirs = link_of(s);
@@ -291,6 +298,7 @@ void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& 
   }
   free_fragment(f);
   changed_.push_back(f);
+  changed_sites_.push_back(left.site);
   if (owners.empty()) owners.push_back(owner_of_corner(left.facet, contenders));
   for (std::size_t n = 0; n < owners.size(); ++n) {
     const Index owner = owners[n], grown = fragment_of(left.facet, owner);
@@ -320,6 +328,7 @@ void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& 
     } else {
       store_polygon(fragments_[slot(grown)], clipper);
       changed_.push_back(grown);
+      changed_sites_.push_back(owner);
     }
     const double farthest = reach(grown == kNone ? changed_.back() : grown);
     double& known = reach_[slot(owner)];
