@@ -42,6 +42,8 @@
 //   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
 //   fragment_gaps.h  (internal) the gaps of a restricted power diagram
 //   sampling.h       darts, gap filling, and the certificate that a set is maximal
+//   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
+//   optimize.h       better triangles and valences by refilling gaps
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
@@ -63,6 +65,7 @@
 #include "amps/power_diagram.h"
 #include "amps/sizing.h"
 #include "amps/sampling.h"
+#include "amps/optimize.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
 #include "amps/remesh.h"
