@@ -4,6 +4,7 @@
 #include "amps/fragment_gaps.h"
 #include "amps/predicates.h"
 #include "amps/trial_patch.h"
+#include "amps/voxel_grid.h"
 
 #include <algorithm>
 #include <array>
@@ -16,12 +17,18 @@ namespace amps {
 namespace detail {
 namespace {
 
-/// Iterations that bring nothing before it is given up.
-constexpr int kIdleIterations = 12;
+/// Iterations in a row that bring nothing, and refills tried in them per sample of the set, before it is given up; and refills
+/// that are enough for it whatever the iterations.
+constexpr int kIdleIterations = 24;
+constexpr double kIdleTrials = 2, kMostIdleTrials = 50;
+/// Every so many such iterations patches grow by a sample, and by how many at most.
+constexpr int kIdlePerSample = 4, kMostEffort = 5;
 /// Items looked at before what was found is carried out: more are more parallel, and more of it out of date. Bounds of it.
 constexpr std::size_t kLeastBatch = 64, kMostBatch = 4096;
 /// Refills of the diagram itself, where a patch cannot be copied.
 constexpr int kRefillsInPlace = 8;
+/// Of all items, where copies bring nothing any more: they cost a hundred times as much.
+constexpr std::uint64_t kMostInPlace = 64;
 /// Darts for one gap of the diagram; samples for one refill.
 constexpr int kRefillDarts = 64, kRefillSamples = 64;
 /// Of an energy, against rounding.
@@ -172,16 +179,18 @@ class RefillFinder {
                int refills)
       : diagram_(diagram), set_(set), radii_(radii), refills_(refills), patch_(rating), trial_(rating), best_patch_(rating) {}
 
-  Proposal find(const BadItem& item, Rng rng) {
+  /// `effort`: samples by which patches grow beyond the usual. kInPlace is the answer where a patch cannot be copied (boundaries),
+  /// or if nothing is found and `in_place_too`.
+  Proposal find(const BadItem& item, int effort, bool in_place_too, Rng rng) {
     proposal_ = Proposal();
-    bool copied = false;
+    bool copied = true;
     const std::size_t corners = item.b == kNone ? 1 : 3;
     std::array<Index, 3> corner = {item.a, item.b, item.c};
     for (std::size_t k = corners; k > 1; --k) std::swap(corner[k - 1], corner[rng.below(k)]);
     // Small patches first: they cost least to try and to carry out.
     for (std::size_t k = 0; k < corners; ++k) {
       removed_.assign(1, corner[k]);
-      copied = try_patch(rng) || copied;
+      copied = try_patch(rng) && copied;
       if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
     }
     for (std::size_t k = 0; k < corners; ++k) {
@@ -191,22 +200,23 @@ class RefillFinder {
       } else {
         add_random_neighbor(rng);
       }
-      copied = try_patch(rng) || copied;
+      copied = try_patch(rng) && copied;
       if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
     }
-    removed_.assign(corner.begin(), corner.begin() + static_cast<std::ptrdiff_t>(corners));
-    if (corners == 1 || rng.below(2) == 0) {
-      add_random_neighbor(rng);
-      add_random_neighbor(rng);
+    for (int more = 0; more <= effort; ++more) {
+      removed_.assign(corner.begin(), corner.begin() + static_cast<std::ptrdiff_t>(corners));
+      const int neighbors = (corners == 1 || rng.below(2) == 0 ? 2 : 0) + more;
+      for (int k = 0; k < neighbors; ++k) add_random_neighbor(rng);
+      copied = try_patch(rng) && copied;
+      if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
     }
-    copied = try_patch(rng) || copied;
-    if (!copied) proposal_.kind = Proposal::Kind::kInPlace;
+    if (!copied || in_place_too) proposal_.kind = Proposal::Kind::kInPlace;
     return std::move(proposal_);
   }
 
  private:
   void add_random_neighbor(Rng& rng) {
-    const DualStar& star = set_.star[slot(removed_.front())];
+    const DualStar& star = set_.star[slot(removed_[rng.below(removed_.size())])];
     if (star.size == 0) return;
     const Index s = star.ring[rng.below(static_cast<std::uint64_t>(star.size))];
     if (std::find(removed_.begin(), removed_.end(), s) == removed_.end()) removed_.push_back(s);
@@ -369,6 +379,7 @@ class Optimizer {
         rating_(options.angles, options.valences, min_angle, max_angle),
         reader_(diagram, rating_),
         radii_{options.sizing, samples.radii.minCoeff()},
+        grid_(grid_for(diagram.mesh(), samples, options.sizing)),
         rng_(options.seed) {
     report_.min_angle = min_angle;
     report_.max_angle = max_angle;
@@ -386,24 +397,31 @@ class Optimizer {
         set_.at[s] = {samples.facets[s], samples.barycentrics.row(static_cast<Eigen::Index>(s)).transpose()};
       }
       set_.energy[s] = reader_.energy(static_cast<Index>(s), set_.star[s]);
+      grid_.insert(position(static_cast<Index>(s)), set_.radius[s], static_cast<Index>(s));
     }
   }
 
   OptimizeReport run() {
     int idle = 0;
+    double idle_trials = 0;  // per sample
     for (int iteration = 0;; ++iteration) {
       std::vector<BadItem> items = bad_items();
       if (items.empty()) return end(OptimizeStatus::kDone);
       if (options_.progress.cancelled()) return end(OptimizeStatus::kCancelled);
-      if (idle == kIdleIterations) return end(OptimizeStatus::kStalled);
+      if ((idle >= kIdleIterations && idle_trials >= kIdleTrials) || idle_trials >= kMostIdleTrials) {
+        return end(OptimizeStatus::kStalled);
+      }
       if (iteration == options_.max_iterations) return end(OptimizeStatus::kIterationLimit);
-      const std::uint64_t accepted = report_.accepted;
+      const std::uint64_t accepted = report_.accepted, trials = report_.trials;
       for (std::size_t k = items.size(); k > 1; --k) std::swap(items[k - 1], items[rng_.below(k)]);
       if (!visit(items)) {
         bad_items();
         return end(OptimizeStatus::kCancelled);
       }
-      idle = report_.accepted == accepted ? idle + 1 : 0;
+      const bool idled = report_.accepted == accepted;
+      idle = idled ? idle + 1 : 0;
+      idle_trials = idled ? idle_trials + static_cast<double>(report_.trials - trials) / num_samples_ : 0;
+      effort_ = std::min(idle / kIdlePerSample, kMostEffort);
     }
   }
 
@@ -421,7 +439,7 @@ class Optimizer {
     result.barycentrics.resize(n, 3);
     for (Eigen::Index k = 0; k < n; ++k) {
       const std::size_t s = slot(ids[static_cast<std::size_t>(k)]);
-      result.positions.row(k) = diagram_.site(static_cast<Index>(s)).position().transpose();
+      result.positions.row(k) = position(static_cast<Index>(s)).transpose();
       result.radii[k] = set_.radius[s];
       result.facets.push_back(set_.at[s].facet);
       result.barycentrics.row(k) = set_.at[s].barycentric.transpose();
@@ -430,6 +448,23 @@ class Optimizer {
   }
 
  private:
+  static VoxelGrid grid_for(const MeshView& mesh, const SampleSet& samples, const SizingField& sizing) {
+    double least = samples.radii.minCoeff(), greatest = samples.radii.maxCoeff();
+    if (!sizing.empty()) {
+      least = std::min(least, sizing.min_radius());
+      greatest = std::max(greatest, sizing.max_radius());
+    }
+    const Box box = bounding_box(mesh);
+    if (!VoxelGrid::fits(box, least, greatest)) {
+      throw Error(ErrorCode::kTooLarge, "optimisation: radii from " + std::to_string(least) + " to " + std::to_string(greatest) +
+                                            " are out of proportion to the mesh's diagonal " + std::to_string(box.diagonal()) +
+                                            "; stay between 1e-6 and 1e6 of it");
+    }
+    return VoxelGrid(box, least, greatest);
+  }
+
+  Vec3 position(Index s) const { return diagram_.site(s).position(); }
+
   OptimizeReport end(OptimizeStatus status) {
     report_.status = status;
     Index left = 0;
@@ -500,7 +535,8 @@ class Optimizer {
         RefillFinder finder(diagram_, set_, rating_, radii_, options_.refills);
         for (std::size_t k = begin; k < end; ++k) {
           const BadItem& item = items[first + k];
-          if (is_current(item)) proposals[k] = finder.find(item, Rng(scramble(seed + k)));
+          const bool in_place_too = effort_ > 0 && scramble(~seed + k) % items.size() < kMostInPlace;
+          if (is_current(item)) proposals[k] = finder.find(item, effort_, in_place_too, Rng(scramble(seed + k)));
         }
       });
       for (std::size_t k = 0; k < n; ++k) carry_out(items[first + k], proposals[k]);
@@ -532,14 +568,17 @@ class Optimizer {
     for (const Index s : proposal.seen) {
       if (changed(s)) return;
     }
-    ++report_.edits;
     begin_edit(proposal.removed);
-    bool good = true;
+    if (!is_apart(proposal.added)) {  // some disk of another sheet
+      distrusted_[slot(item.a)] = 1;
+      for (const Index s : proposal.removed) grid_.insert(position(s), set_.radius[slot(s)], s);
+      return;
+    }
+    ++report_.edits;
     Index near = proposal.removed.front();
     for (const NewSample& sample : proposal.added) near = enter(sample, near);
     for (const Index s : proposal.removed) take_out(s);
-    for (const Index s : added_) good = good && is_apart(s);
-    if (good && fill() && improves()) {
+    if (fill() && improves()) {
       keep();
     } else {
       distrusted_[slot(item.a)] = 1;
@@ -565,7 +604,8 @@ class Optimizer {
     touched_.clear();
     affected_.clear();
     for (const Index s : removed) {
-      old_.push_back({s, diagram_.site(s).position(), set_.at[slot(s)], set_.radius[slot(s)], set_.energy[slot(s)], is_new_[slot(s)]});
+      old_.push_back({s, position(s), set_.at[slot(s)], set_.radius[slot(s)], set_.energy[slot(s)], is_new_[slot(s)]});
+      grid_.remove(position(s), set_.radius[slot(s)], s);
     }
   }
 
@@ -601,6 +641,7 @@ class Optimizer {
     set_.at[slot(s)] = sample.at;
     set_.radius[slot(s)] = sample.radius;
     set_.alive[slot(s)] = 1;
+    grid_.insert(sample.x, sample.radius, s);
     added_.push_back(s);
     note_changed();
     return s;
@@ -608,6 +649,7 @@ class Optimizer {
 
   void undo_added() {
     for (const Index s : added_) {
+      grid_.remove(position(s), set_.radius[slot(s)], s);
       take_out(s);
       free_.push_back(s);
     }
@@ -620,6 +662,7 @@ class Optimizer {
     Index last = near;
     for (const OldSample& old : old_) {
       diagram_.reinsert(old.id, old.x, old.radius * old.radius, last);
+      grid_.insert(old.x, old.radius, old.id);
       set_.alive[slot(old.id)] = 1;
       last = old.id;
     }
@@ -650,13 +693,15 @@ class Optimizer {
     }
   }
 
-  /// Exact: no disk covers another's centre.
-  bool is_apart(Index s) {
-    diagram_.neighbors(s, around_);
-    const Vec3 x = diagram_.site(s).position();
-    for (const Index q : around_) {
-      const Vec3 y = diagram_.site(q).position();
-      if (side_of_ball(x.data(), y.data(), diagram_.site(q).w) < 0 || side_of_ball(y.data(), x.data(), diagram_.site(s).w) < 0) return false;
+  /// Exact: none of these disks has the centre of another one or of a sample in it, nor is in a sample's.
+  bool is_apart(const std::vector<NewSample>& samples) const {
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      const NewSample& p = samples[k];
+      if (grid_.conflicting_sample_by_max(p.x, p.radius) != kNone) return false;
+      for (std::size_t j = 0; j < k; ++j) {
+        const double r = std::max(p.radius, samples[j].radius);
+        if (side_of_ball(p.x.data(), samples[j].x.data(), r * r) < 0) return false;
+      }
     }
     return true;
   }
@@ -717,17 +762,9 @@ class Optimizer {
       sample.at = surface_point(diagram_.mesh(), polygon.facet, gap_.sample(rng_));
       sample.x = position_of(diagram_.mesh(), sample.at);
       if (!sample.x.allFinite()) continue;
-      diagram_.neighbors(near, around_);
-      around_.push_back(near);
-      bool free = true;
-      double nearest = INFINITY;
-      for (const Index q : around_) {
-        const Vec3 y = diagram_.site(q).position();
-        free = free && side_of_ball(sample.x.data(), y.data(), diagram_.site(q).w) >= 0;
-        nearest = std::min(nearest, (sample.x - y).squaredNorm());
-      }
-      if (!free) continue;
-      sample.radius = radii_.field.empty() ? radii_.least : radius_below(radii_.at(sample.at), nearest);
+      if (grid_.conflicting_sample_by_max(sample.x, 0) != kNone) continue;
+      sample.radius = radii_.field.empty() ? radii_.least : radii_.at(sample.at);
+      if (!radii_.field.empty()) sample.radius = radius_below(sample.radius, grid_.nearest_squared_distance(sample.x, sample.radius));
       enter(sample, near);
       return true;
     }
@@ -743,9 +780,10 @@ class Optimizer {
       if (choice > 1) removed.push_back(item.c);
       std::swap(removed[0], removed[rng_.below(removed.size())]);
     }
-    if (rng_.below(3) == 0) {
-      const auto& pairs = reader_.read(item.a);
-      for (int k = 0; k < 2 && !pairs.empty(); ++k) {
+    const int neighbors = (rng_.below(3) == 0 ? 2 : 0) + effort_;
+    for (int k = 0; k < neighbors; ++k) {
+      const auto& pairs = reader_.read(removed[rng_.below(removed.size())]);
+      if (!pairs.empty()) {
         const Index s = pairs[rng_.below(pairs.size())][rng_.below(2)];
         if (std::find(removed.begin(), removed.end(), s) == removed.end()) removed.push_back(s);
       }
@@ -770,10 +808,12 @@ class Optimizer {
   const DualRating rating_;
   StarReader reader_;
   const RefillRadii radii_;
+  VoxelGrid grid_;  ///< of the samples there are
   Rng rng_;
   OptimizedSet set_;
   std::vector<std::uint64_t> changed_at_;  ///< the batch that changed a sample's star last
   std::uint64_t clock_ = 0;
+  int effort_ = 0;
   std::vector<char> distrusted_, is_new_;
   std::vector<Index> free_;  ///< ids to be used again
   OptimizeReport report_;
@@ -782,7 +822,7 @@ class Optimizer {
   double seconds_ = 0;
 
   std::vector<OldSample> old_;
-  std::vector<Index> added_, touched_, affected_, around_;
+  std::vector<Index> added_, touched_, affected_;
   std::vector<double> energies_;
   std::vector<DualStar> stars_;
   std::vector<std::pair<Index, double>> gaps_;

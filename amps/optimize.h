@@ -31,7 +31,7 @@ struct OptimizeOptions {
   double min_angle = 0;
   double max_angle = 0;
   /// Visits to everything that is bad, 0 or more.
-  int max_iterations = 200;
+  int max_iterations = 1000;
   /// Refills tried of each patch, at least 1.
   int refills = 8;
   /// Same seed, mesh, samples and options: the same result on any number of threads.
