@@ -95,8 +95,8 @@ class StarReader {
     return pairs_;
   }
 
-  /// Of the last star read. A disk: one cycle of pairs. A half disk: one path.
-  enum class Form { kDisk, kHalfDisk, kOther };
+  /// Of the last star read. A disk: one cycle of pairs. A half disk: one path. Pinched: several cycles.
+  enum class Form { kDisk, kHalfDisk, kPinched, kOther };
   Form form(DualStar& star) {
     star.size = 0;
     if (pairs_.empty()) return Form::kOther;
@@ -104,11 +104,13 @@ class StarReader {
     for (const auto& pair : pairs_) ring_.insert(ring_.end(), {pair[0], pair[1]});
     std::sort(ring_.begin(), ring_.end());
     int ends = 0;
+    num_neighbors_ = 0;
     Index start = pairs_.front()[0];
     for (std::size_t k = 0; k < ring_.size();) {
       std::size_t next = k;
       while (next < ring_.size() && ring_[next] == ring_[k]) ++next;
       if (next - k > 2) return Form::kOther;
+      ++num_neighbors_;
       if (next - k == 1) {
         ++ends;
         start = ring_[k];
@@ -132,7 +134,7 @@ class StarReader {
         break;
       }
     }
-    if (ring_.size() != vertices) return Form::kOther;
+    if (ring_.size() != vertices) return ends == 0 ? Form::kPinched : Form::kOther;
     if (ends == 2) return Form::kHalfDisk;
     if (ring_.size() >= 3 && ring_.size() <= static_cast<std::size_t>(DualStar::kMost)) {
       std::copy(ring_.begin(), ring_.end(), star.ring.begin());
@@ -141,15 +143,12 @@ class StarReader {
     return Form::kDisk;
   }
 
-  /// Neighbours of the last star that form() was asked of and that was not kOther.
-  int num_neighbors() const { return static_cast<int>(ring_.size()); }
-
   double triangle(Index a, Index b, Index c) const {
     return rating_.triangle(diagram_.site(a).position(), diagram_.site(b).position(), diagram_.site(c).position());
   }
-  /// 0 where the star is neither disk nor half disk.
+  /// Of the last star that form() was asked of.
   double valence(Form form) const {
-    return form == Form::kOther ? 0 : rating_.valence(num_neighbors(), form == Form::kHalfDisk);
+    return form == Form::kOther ? 0 : rating_.valence(num_neighbors_, form == Form::kHalfDisk);
   }
   double energy(Index s, DualStar& star) {
     read(s);
@@ -163,6 +162,7 @@ class StarReader {
   const DualRating& rating_;
   std::vector<std::array<Index, 2>> pairs_;
   std::vector<Index> ring_;
+  int num_neighbors_ = 0;
 };
 
 /// Wanted radii of new samples.

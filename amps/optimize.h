@@ -26,7 +26,7 @@ namespace amps {
 struct OptimizeOptions {
   bool angles = true;    ///< triangles with an angle below min_angle or above max_angle are bad
   bool valences = true;  ///< inner vertices with less than 5 or more than 7 neighbours, and boundary vertices with more than 5, are
-                         ///< bad (a vertex where the triangles form neither a disk nor a half disk is not)
+                         ///< bad; vertices on edges of more than two triangles are not
   /// Degrees; 0 < min_angle < 60 < max_angle < 180. 0: the paper's, [35, 105] where all radii are equal and [32, 115] elsewhere.
   double min_angle = 0;
   double max_angle = 0;
