@@ -17,20 +17,20 @@ namespace amps {
 namespace detail {
 namespace {
 
-/// Iterations in a row that bring nothing, and refills tried in them per sample of the set, before it is given up; and refills
-/// that are enough for it whatever the iterations.
-constexpr int kIdleIterations = 24;
-constexpr double kIdleTrials = 2, kMostIdleTrials = 50;
-/// Every so many such iterations patches grow by a sample, and by how many at most.
-constexpr int kIdlePerSample = 4, kMostEffort = 5;
+/// Iterations in a row that bring nothing before it is given up, and before kicks begin.
+constexpr int kIdleIterations = 32, kIdleBeforeKicks = 2;
+/// Kicks in one iteration, rounds of improvement after one, and idle iterations for which kicks grow by a sample.
+constexpr std::size_t kMostKicks = 64;
+constexpr int kKickRounds = 16, kIdlePerSample = 6;
 /// Items looked at before what was found is carried out: more are more parallel, and more of it out of date. Bounds of it.
 constexpr std::size_t kLeastBatch = 64, kMostBatch = 4096;
 /// Refills of the diagram itself, where a patch cannot be copied.
 constexpr int kRefillsInPlace = 8;
-/// Of all items, where copies bring nothing any more: they cost a hundred times as much.
-constexpr std::uint64_t kMostInPlace = 64;
 /// Darts for one gap of the diagram; samples for one refill.
 constexpr int kRefillDarts = 64, kRefillSamples = 64;
+/// Trials count this for a sample more, and less for a sample fewer: halves the growth of sets, at no cost in time. With 5, tight bounds take
+/// twice the time.
+constexpr double kPerSample = 2;
 /// Of an energy, against rounding.
 constexpr double kLeastGain = 1e-6;
 /// Darts of one pool, and darts thrown for it at most.
@@ -94,6 +94,8 @@ class StarReader {
     pairs_.erase(std::unique(pairs_.begin(), pairs_.end()), pairs_.end());
     return pairs_;
   }
+
+  const std::vector<std::array<Index, 2>>& pairs() const { return pairs_; }
 
   /// Of the last star read. A disk: one cycle of pairs. A half disk: one path. Pinched: several cycles.
   enum class Form { kDisk, kHalfDisk, kPinched, kOther };
@@ -179,11 +181,11 @@ class RefillFinder {
                int refills)
       : diagram_(diagram), set_(set), radii_(radii), refills_(refills), patch_(rating), trial_(rating), best_patch_(rating) {}
 
-  /// `effort`: samples by which patches grow beyond the usual. kInPlace is the answer where a patch cannot be copied (boundaries),
-  /// or if nothing is found and `in_place_too`.
-  Proposal find(const BadItem& item, int effort, bool in_place_too, Rng rng) {
+  /// kInPlace is the answer where nothing is found and a patch could not be copied (boundaries).
+  Proposal find(const BadItem& item, Rng rng) {
     proposal_ = Proposal();
     bool copied = true;
+    best_gain_ = kLeastGain;
     const std::size_t corners = item.b == kNone ? 1 : 3;
     std::array<Index, 3> corner = {item.a, item.b, item.c};
     for (std::size_t k = corners; k > 1; --k) std::swap(corner[k - 1], corner[rng.below(k)]);
@@ -191,8 +193,8 @@ class RefillFinder {
     for (std::size_t k = 0; k < corners; ++k) {
       removed_.assign(1, corner[k]);
       copied = try_patch(rng) && copied;
-      if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
     }
+    if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
     for (std::size_t k = 0; k < corners; ++k) {
       removed_.assign(1, corner[k]);
       if (corners == 3) {
@@ -203,14 +205,12 @@ class RefillFinder {
       copied = try_patch(rng) && copied;
       if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
     }
-    for (int more = 0; more <= effort; ++more) {
-      removed_.assign(corner.begin(), corner.begin() + static_cast<std::ptrdiff_t>(corners));
-      const int neighbors = (corners == 1 || rng.below(2) == 0 ? 2 : 0) + more;
-      for (int k = 0; k < neighbors; ++k) add_random_neighbor(rng);
-      copied = try_patch(rng) && copied;
-      if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
-    }
-    if (!copied || in_place_too) proposal_.kind = Proposal::Kind::kInPlace;
+    removed_.assign(corner.begin(), corner.begin() + static_cast<std::ptrdiff_t>(corners));
+    const int neighbors = corners == 1 || rng.below(2) == 0 ? 2 : 0;
+    for (int k = 0; k < neighbors; ++k) add_random_neighbor(rng);
+    copied = try_patch(rng) && copied;
+    if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
+    if (!copied) proposal_.kind = Proposal::Kind::kInPlace;
     return std::move(proposal_);
   }
 
@@ -226,22 +226,25 @@ class RefillFinder {
   /// cannot be copied.
   bool try_patch(Rng& rng) {
     if (!copy_patch()) return false;
-    const double before = patch_.energy();
+    const double before = patch_.energy() + kPerSample * static_cast<double>(removed_.size());
     for (std::size_t k = 0; k < removed_.size(); ++k) {
       if (!patch_.remove(static_cast<int>(k))) return true;
     }
     fill_pool(rng);
-    double best = before - kLeastGain;
+    bool improved = false;
+    double best = -best_gain_;
     for (int refill = 0; refill < refills_ && !pool_.empty(); ++refill) {
       ++proposal_.trials;
       if (!try_refill(rng)) continue;
-      const double energy = trial_.energy();
+      const double energy = trial_.energy() + kPerSample * static_cast<double>(chosen_.size()) - before;
       if (!(energy < best)) continue;
       best = energy;
+      best_gain_ = -energy;
+      improved = true;
       proposal_.kind = Proposal::Kind::kRefill;
       proposal_.added = chosen_;
     }
-    if (proposal_.kind == Proposal::Kind::kRefill) {
+    if (improved) {
       proposal_.removed = removed_;
       proposal_.seen = ids_;
     }
@@ -361,6 +364,7 @@ class RefillFinder {
   const OptimizedSet& set_;
   const RefillRadii& radii_;
   int refills_;
+  double best_gain_ = 0;
   Proposal proposal_;
   TrialPatch patch_, trial_, best_patch_;
   std::vector<Index> removed_, ids_;
@@ -403,25 +407,21 @@ class Optimizer {
 
   OptimizeReport run() {
     int idle = 0;
-    double idle_trials = 0;  // per sample
     for (int iteration = 0;; ++iteration) {
       std::vector<BadItem> items = bad_items();
       if (items.empty()) return end(OptimizeStatus::kDone);
       if (options_.progress.cancelled()) return end(OptimizeStatus::kCancelled);
-      if ((idle >= kIdleIterations && idle_trials >= kIdleTrials) || idle_trials >= kMostIdleTrials) {
-        return end(OptimizeStatus::kStalled);
-      }
+      if (idle == kIdleIterations) return end(OptimizeStatus::kStalled);
       if (iteration == options_.max_iterations) return end(OptimizeStatus::kIterationLimit);
-      const std::uint64_t accepted = report_.accepted, trials = report_.trials;
+      const std::uint64_t accepted = report_.accepted;
       for (std::size_t k = items.size(); k > 1; --k) std::swap(items[k - 1], items[rng_.below(k)]);
-      if (!visit(items)) {
+      const bool goes_on = visit(items);
+      if (goes_on && report_.accepted == accepted && idle >= kIdleBeforeKicks) kick_all(items, idle / kIdlePerSample);
+      if (!goes_on) {
         bad_items();
         return end(OptimizeStatus::kCancelled);
       }
-      const bool idled = report_.accepted == accepted;
-      idle = idled ? idle + 1 : 0;
-      idle_trials = idled ? idle_trials + static_cast<double>(report_.trials - trials) / num_samples_ : 0;
-      effort_ = std::min(idle / kIdlePerSample, kMostEffort);
+      idle = report_.accepted == accepted ? idle + 1 : 0;
     }
   }
 
@@ -482,32 +482,33 @@ class Optimizer {
     std::vector<BadItem> items;
     OptimizeIteration line;
     double least = 180, greatest = 0;
+    const bool all = report_.iterations.empty();
     for (Index s = 0; s < set_.size(); ++s) {
       if (!set_.alive[slot(s)]) continue;
       ++line.samples;
       line.energy += set_.energy[slot(s)];
-      const bool all = report_.iterations.empty();
       if (!all && !(set_.energy[slot(s)] > 0)) continue;
       const auto& pairs = reader_.read(s);
-      DualStar star;
-      const auto form = reader_.form(star);
-      if (reader_.valence(form) > 0) {
-        items.push_back({s, kNone, kNone});
-        ++line.bad_vertices;
-      }
       for (const auto& pair : pairs) {
-        if (s > pair[0] || (!all && options_.angles && !(reader_.triangle(s, pair[0], pair[1]) > 0))) continue;
-        measure(s, pair[0], pair[1], least, greatest);
-        if (!(reader_.triangle(s, pair[0], pair[1]) > 0)) continue;
-        items.push_back({s, pair[0], pair[1]});
-        ++line.bad_triangles;
+        if (s < pair[0] && (all || reader_.triangle(s, pair[0], pair[1]) > 0)) measure(s, pair[0], pair[1], least, greatest);
       }
+      list_bad(s, items);
     }
+    for (const BadItem& item : items) ++(item.b == kNone ? line.bad_vertices : line.bad_triangles);
     line.min_angle = greatest > 0 ? least : 0;
     line.max_angle = greatest;
     line.seconds = seconds_ += watch_.lap();
     report_.iterations.push_back(line);
     return items;
+  }
+
+  /// What is bad at s: itself, and triangles of which it is the lowest corner. The star has just been read.
+  void list_bad(Index s, std::vector<BadItem>& items) {
+    DualStar star;
+    if (reader_.valence(reader_.form(star)) > 0) items.push_back({s, kNone, kNone});
+    for (const auto& pair : reader_.pairs()) {
+      if (s < pair[0] && reader_.triangle(s, pair[0], pair[1]) > 0) items.push_back({s, pair[0], pair[1]});
+    }
   }
 
   void measure(Index a, Index b, Index c, double& least, double& greatest) const {
@@ -535,8 +536,7 @@ class Optimizer {
         RefillFinder finder(diagram_, set_, rating_, radii_, options_.refills);
         for (std::size_t k = begin; k < end; ++k) {
           const BadItem& item = items[first + k];
-          const bool in_place_too = effort_ > 0 && scramble(~seed + k) % items.size() < kMostInPlace;
-          if (is_current(item)) proposals[k] = finder.find(item, effort_, in_place_too, Rng(scramble(seed + k)));
+          if (is_current(item)) proposals[k] = finder.find(item, Rng(scramble(seed + k)));
         }
       });
       for (std::size_t k = 0; k < n; ++k) carry_out(items[first + k], proposals[k]);
@@ -662,6 +662,7 @@ class Optimizer {
     Index last = near;
     for (const OldSample& old : old_) {
       diagram_.reinsert(old.id, old.x, old.radius * old.radius, last);
+      note_changed();
       grid_.insert(old.x, old.radius, old.id);
       set_.alive[slot(old.id)] = 1;
       last = old.id;
@@ -678,6 +679,11 @@ class Optimizer {
 
   void keep() {
     ++report_.accepted;
+    if (journaling_) {
+      journal_.push_back({old_, added_});
+      journal_change_ += change_;
+      region_.insert(region_.end(), affected_.begin(), affected_.end());
+    }
     for (const OldSample& old : old_) free_.push_back(old.id);
     for (std::size_t k = 0; k < affected_.size(); ++k) {
       const std::size_t s = slot(affected_[k]);
@@ -721,7 +727,81 @@ class Optimizer {
       energies_[k] = reader_.energy(s, stars_[k]);
       after += energies_[k];
     }
-    return after < before - kLeastGain;
+    change_ = after - before;
+    return change_ < -kLeastGain || kicking_;
+  }
+
+  // Kicks: what no refill improves is refilled all the same, and what that has made bad is improved in turn. Should the whole be
+  // no improvement, it is undone.
+
+  struct Edit {
+    std::vector<OldSample> old;
+    std::vector<Index> added;
+  };
+
+  void kick_all(const std::vector<BadItem>& items, int more) {
+    std::size_t kicks = 0;
+    for (const BadItem& item : items) {
+      if (kicks == kMostKicks || options_.progress.cancelled()) return;
+      if (!is_current(item)) continue;
+      ++kicks;
+      kick(item, 1 + more);
+    }
+  }
+
+  void kick(const BadItem& item, int more) {
+    RefillFinder finder(diagram_, set_, rating_, radii_, options_.refills);
+    const std::uint64_t accepted = report_.accepted;
+    journaling_ = true;
+    journal_.clear();
+    region_.clear();
+    journal_change_ = 0;
+    kicking_ = true;
+    refill_in_place(item, more);
+    kicking_ = false;
+    std::vector<BadItem> items;
+    for (int round = 0; round < kKickRounds && !journal_.empty() && !(journal_change_ < -kLeastGain); ++round) {
+      items.clear();
+      std::sort(region_.begin(), region_.end());
+      region_.erase(std::unique(region_.begin(), region_.end()), region_.end());
+      for (const Index s : region_) {
+        if (!set_.alive[slot(s)] || !(set_.energy[slot(s)] > 0)) continue;
+        reader_.read(s);
+        list_bad(s, items);
+      }
+      const std::size_t edits = journal_.size();
+      for (const BadItem& bad : items) {
+        if (!is_current(bad)) continue;
+        ++clock_;
+        Proposal proposal = finder.find(bad, Rng(rng_.next()));
+        carry_out(bad, proposal);
+      }
+      if (journal_.size() == edits) break;
+    }
+    journaling_ = false;
+    if (journal_change_ < -kLeastGain) return;
+    roll_back();
+    report_.accepted = accepted;
+  }
+
+  void roll_back() {
+    affected_ = region_;
+    for (std::size_t k = journal_.size(); k-- > 0;) {
+      old_ = journal_[k].old;
+      added_ = journal_[k].added;
+      for (const OldSample& old : old_) {
+        free_.erase(std::find(free_.begin(), free_.end(), old.id));
+        set_.at[slot(old.id)] = old.at;
+        set_.radius[slot(old.id)] = old.radius;
+        is_new_[slot(old.id)] = old.is_new;
+      }
+      undo();
+    }
+    std::sort(affected_.begin(), affected_.end());
+    affected_.erase(std::unique(affected_.begin(), affected_.end()), affected_.end());
+    for (const Index s : affected_) {
+      if (set_.alive[slot(s)]) set_.energy[slot(s)] = reader_.energy(s, set_.star[slot(s)]);
+    }
   }
 
   double gap_of(Index f) {
@@ -772,7 +852,7 @@ class Optimizer {
   }
 
   /// Tries a random patch in the diagram itself.
-  void refill_in_place(const BadItem& item) {
+  void refill_in_place(const BadItem& item, int more = 0) {
     std::vector<Index> removed = {item.a};
     if (item.b != kNone) {
       const auto choice = rng_.below(3);
@@ -780,7 +860,7 @@ class Optimizer {
       if (choice > 1) removed.push_back(item.c);
       std::swap(removed[0], removed[rng_.below(removed.size())]);
     }
-    const int neighbors = (rng_.below(3) == 0 ? 2 : 0) + effort_;
+    const int neighbors = (rng_.below(3) == 0 ? 2 : 0) + more;
     for (int k = 0; k < neighbors; ++k) {
       const auto& pairs = reader_.read(removed[rng_.below(removed.size())]);
       if (!pairs.empty()) {
@@ -813,7 +893,6 @@ class Optimizer {
   OptimizedSet set_;
   std::vector<std::uint64_t> changed_at_;  ///< the batch that changed a sample's star last
   std::uint64_t clock_ = 0;
-  int effort_ = 0;
   std::vector<char> distrusted_, is_new_;
   std::vector<Index> free_;  ///< ids to be used again
   OptimizeReport report_;
@@ -822,6 +901,11 @@ class Optimizer {
   double seconds_ = 0;
 
   std::vector<OldSample> old_;
+  double change_ = 0;  ///< of the energy, by the last edit
+  bool kicking_ = false, journaling_ = false;
+  std::vector<Edit> journal_;
+  std::vector<Index> region_;
+  double journal_change_ = 0;
   std::vector<Index> added_, touched_, affected_;
   std::vector<double> energies_;
   std::vector<DualStar> stars_;
