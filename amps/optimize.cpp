@@ -22,6 +22,9 @@ constexpr int kIdleIterations = 32, kIdleBeforeKicks = 2;
 /// Kicks in one iteration, rounds of improvement after one, and idle iterations for which kicks grow by a sample.
 constexpr std::size_t kMostKicks = 64;
 constexpr int kKickRounds = 16, kIdlePerSample = 6;
+/// Edits of the diagram spent on vertices at crossings, beyond one for every fourth sample: 0.2 ms each. Where a surface meets
+/// itself there may be no end of them.
+constexpr std::uint64_t kEditsAtCrossings = 500;
 /// Items looked at before what was found is carried out: more are more parallel, and more of it out of date. Bounds of it.
 constexpr std::size_t kLeastBatch = 64, kMostBatch = 4096;
 /// Refills of the diagram itself, where a patch cannot be copied.
@@ -79,6 +82,8 @@ class StarReader {
  public:
   StarReader(const RestrictedPowerDiagram& diagram, const DualRating& rating) : diagram_(diagram), rating_(rating) {}
 
+  bool rate_crossings = false;
+
   /// Triangles around s as pairs of the other corners, lower first, ascending, each once.
   const std::vector<std::array<Index, 2>>& read(Index s) {
     pairs_.clear();
@@ -97,8 +102,9 @@ class StarReader {
 
   const std::vector<std::array<Index, 2>>& pairs() const { return pairs_; }
 
-  /// Of the last star read. A disk: one cycle of pairs. A half disk: one path. Pinched: several cycles.
-  enum class Form { kDisk, kHalfDisk, kPinched, kOther };
+  /// Of the last star read. A disk: one cycle of pairs. A half disk: one path. Pinched: several cycles. A
+  /// crossing: no border, but edges of more than two triangles.
+  enum class Form { kDisk, kHalfDisk, kPinched, kCrossing, kOther };
   Form form(DualStar& star) {
     star.size = 0;
     if (pairs_.empty()) return Form::kOther;
@@ -106,20 +112,22 @@ class StarReader {
     for (const auto& pair : pairs_) ring_.insert(ring_.end(), {pair[0], pair[1]});
     std::sort(ring_.begin(), ring_.end());
     int ends = 0;
+    bool crossing = false;
     num_neighbors_ = 0;
     Index start = pairs_.front()[0];
     for (std::size_t k = 0; k < ring_.size();) {
       std::size_t next = k;
       while (next < ring_.size() && ring_[next] == ring_[k]) ++next;
-      if (next - k > 2) return Form::kOther;
       ++num_neighbors_;
+      crossing = crossing || next - k > 2;
       if (next - k == 1) {
         ++ends;
         start = ring_[k];
       }
       k = next;
     }
-    if (ends != 0 && ends != 2) return Form::kOther;
+    if (crossing && ends == 0) return Form::kCrossing;
+    if (crossing || (ends != 0 && ends != 2)) return Form::kOther;
     // Walk; what is not reached belongs to another piece.
     const std::size_t vertices = pairs_.size() + (ends == 2 ? 1 : 0);
     ring_.assign(1, start);
@@ -150,7 +158,8 @@ class StarReader {
   }
   /// Of the last star that form() was asked of.
   double valence(Form form) const {
-    return form == Form::kOther ? 0 : rating_.valence(num_neighbors_, form == Form::kHalfDisk);
+    if (form == Form::kOther || (form == Form::kCrossing && !rate_crossings)) return 0;
+    return rating_.valence(num_neighbors_, form == Form::kHalfDisk);
   }
   double energy(Index s, DualStar& star) {
     read(s);
@@ -406,23 +415,21 @@ class Optimizer {
   }
 
   OptimizeReport run() {
-    int idle = 0;
-    for (int iteration = 0;; ++iteration) {
-      std::vector<BadItem> items = bad_items();
-      if (items.empty()) return end(OptimizeStatus::kDone);
-      if (options_.progress.cancelled()) return end(OptimizeStatus::kCancelled);
-      if (idle == kIdleIterations) return end(OptimizeStatus::kStalled);
-      if (iteration == options_.max_iterations) return end(OptimizeStatus::kIterationLimit);
-      const std::uint64_t accepted = report_.accepted;
-      for (std::size_t k = items.size(); k > 1; --k) std::swap(items[k - 1], items[rng_.below(k)]);
-      const bool goes_on = visit(items);
-      if (goes_on && report_.accepted == accepted && idle >= kIdleBeforeKicks) kick_all(items, idle / kIdlePerSample);
-      if (!goes_on) {
+    OptimizeStatus status = improve();
+    if (status == OptimizeStatus::kDone && options_.valences) {
+      // Vertices of bad valence on edges of more than two triangles come last: mostly there is little to be done, and what it has cost
+      // in angles is made good again.
+      rate_crossings(true);
+      status = improve();
+      if (status == OptimizeStatus::kStalled) {
+        rate_crossings(false);
+        const OptimizeStatus after = improve();
+        if (after != OptimizeStatus::kDone) status = after;
+        rate_crossings(true);
         bad_items();
-        return end(OptimizeStatus::kCancelled);
       }
-      idle = report_.accepted == accepted ? idle + 1 : 0;
     }
+    return end(status);
   }
 
   SampleSet samples(std::vector<Index>& ids) const {
@@ -465,6 +472,25 @@ class Optimizer {
 
   Vec3 position(Index s) const { return diagram_.site(s).position(); }
 
+  /// Visits what is bad until nothing is, or nothing helps.
+  OptimizeStatus improve() {
+    for (int idle = 0;; ++iteration_) {
+      std::vector<BadItem> items = bad_items();
+      if (items.empty()) return OptimizeStatus::kDone;
+      if (options_.progress.cancelled()) return OptimizeStatus::kCancelled;
+      if (idle == kIdleIterations || !affords_edits_in_place()) return OptimizeStatus::kStalled;
+      if (iteration_ == options_.max_iterations) return OptimizeStatus::kIterationLimit;
+      const std::uint64_t accepted = report_.accepted;
+      for (std::size_t k = items.size(); k > 1; --k) std::swap(items[k - 1], items[rng_.below(k)]);
+      if (!visit(items)) {
+        bad_items();
+        return OptimizeStatus::kCancelled;
+      }
+      if (report_.accepted == accepted && idle >= kIdleBeforeKicks) kick_all(items, idle / kIdlePerSample);
+      idle = report_.accepted == accepted ? idle + 1 : 0;
+    }
+  }
+
   OptimizeReport end(OptimizeStatus status) {
     report_.status = status;
     Index left = 0;
@@ -475,6 +501,16 @@ class Optimizer {
     }
     report_.removed = num_samples_ - left;
     return report_;
+  }
+
+  /// The line of the report is written anew by bad_items(), which must follow.
+  void rate_crossings(bool on) {
+    reader_.rate_crossings = on;
+    edits_in_place_ = 0;
+    report_.iterations.pop_back();
+    for (Index s = 0; s < set_.size(); ++s) {
+      if (set_.alive[slot(s)] && set_.star[slot(s)].size == 0) set_.energy[slot(s)] = reader_.energy(s, set_.star[slot(s)]);
+    }
   }
 
   /// What is bad, and a line of the report.
@@ -852,7 +888,12 @@ class Optimizer {
   }
 
   /// Tries a random patch in the diagram itself.
+  bool affords_edits_in_place() const {
+    return !reader_.rate_crossings || edits_in_place_ < kEditsAtCrossings + static_cast<std::uint64_t>(num_samples_) / 4;
+  }
+
   void refill_in_place(const BadItem& item, int more = 0) {
+    if (!affords_edits_in_place()) return;
     std::vector<Index> removed = {item.a};
     if (item.b != kNone) {
       const auto choice = rng_.below(3);
@@ -874,6 +915,7 @@ class Optimizer {
     for (int refill = 0; refill < kRefillsInPlace; ++refill) {
       ++report_.trials;
       ++report_.edits;
+      ++edits_in_place_;
       if (fill() && improves()) {
         keep();
         return;
@@ -892,7 +934,8 @@ class Optimizer {
   Rng rng_;
   OptimizedSet set_;
   std::vector<std::uint64_t> changed_at_;  ///< the batch that changed a sample's star last
-  std::uint64_t clock_ = 0;
+  std::uint64_t clock_ = 0, edits_in_place_ = 0;
+  int iteration_ = 0;
   std::vector<char> distrusted_, is_new_;
   std::vector<Index> free_;  ///< ids to be used again
   OptimizeReport report_;
