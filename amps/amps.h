@@ -42,6 +42,8 @@
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
 //   quality.h        angles, edges, areas, valences
+//   surface_tree.h   SurfaceTree: the nearest point of a surface
+//   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces
 //   remesh.h         the dual triangulation, and the whole pipeline in one call
 #pragma once
 
@@ -61,4 +63,6 @@
 #include "amps/sampling.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
+#include "amps/surface_tree.h"
+#include "amps/surface_distance.h"
 #include "amps/remesh.h"
