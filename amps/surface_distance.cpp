@@ -47,6 +47,21 @@ struct DistancePiece {
   int border_cuts = 0;   ///< since the last halving
 };
 
+/// The greatest distance a point of a triangle has to its nearest corner. A triangle that is not obtuse has it at its circumcentre;
+/// in an obtuse one the bisectors of the two short sides meet the longest side before they meet each other, and it is there.
+/// Never less than the truth by more than rounding.
+double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
+  std::array<double, 3> squares = {(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()};
+  std::sort(squares.begin(), squares.end());
+  const double p = squares[0], q = squares[1], longest = squares[2];
+  const double obtuse = longest - p - q;
+  if (obtuse < 0) return std::sqrt(p * q / (4 * p * q - obtuse * obtuse) * longest);
+  // A side of square s at an angle of cosine k to the longest meets it at √s / 2k; twice its product with the longest is s + longest − other.
+  const double length = std::sqrt(longest);
+  const double from_p = p * length / (p + longest - q), from_q = q * length / (q + longest - p);
+  return std::min(length / 2, from_p > from_q ? from_p : from_q);
+}
+
 struct DistanceSums {
   double mean = 0, square = 0;              ///< ∫ d, ∫ d²
   double mean_change = 0, square_change = 0;  ///< sums of what a rule of lower degree changes in each cell
@@ -129,6 +144,7 @@ class OneSidedMeasure {
     constexpr double kCellsAtATime = 2048;
     const auto grain = static_cast<std::size_t>(std::max(1.0, kCellsAtATime * static_cast<double>(facets) / cells));
     std::vector<DistanceSums> sums((facets + grain - 1) / grain);
+    upper_.assign(facets, 0);
     parallel_for(facets, grain, options_.threads, [&](std::size_t begin, std::size_t end) {
       DistanceSums& sum = sums[begin / grain];
       std::vector<DistancePoint> above, below;
@@ -151,7 +167,7 @@ class OneSidedMeasure {
   }
 
   /// The facet as a lattice of n² congruent cells. Rows of points are numbered from corner a to the side bc.
-  void integrate_facet(Index facet, std::vector<DistancePoint>& above, std::vector<DistancePoint>& below, DistanceSums& sum) const {
+  void integrate_facet(Index facet, std::vector<DistancePoint>& above, std::vector<DistancePoint>& below, DistanceSums& sum) {
     const auto n = static_cast<std::int64_t>(lattice_size(facet));
     const auto lattice_point = [&](std::int64_t i, std::int64_t j, Index hint) -> DistancePoint {
       if (i == 0) return corner(facet, 0);
@@ -181,7 +197,7 @@ class OneSidedMeasure {
 
   /// The rule of degree 2 with weights 3/4 at the centroid and 1/12 at the corners. All weights are positive, so no mean is
   /// negative. That of the centroid alone has degree 1; their difference is its error, to leading order.
-  void add_cell(Index facet, const std::array<DistancePoint, 3>& corners, double area, DistanceSums& sum) const {
+  void add_cell(Index facet, const std::array<DistancePoint, 3>& corners, double area, DistanceSums& sum) {
     const Vec3 middle = (corners[0].barycentric + corners[1].barycentric + corners[2].barycentric) / 3;
     const DistancePoint centre = measure(facet, middle, corners[0].nearest);
     sum.farthest.offer(centre, facet);
@@ -195,6 +211,17 @@ class OneSidedMeasure {
     sum.square += area * (0.75 * at_centre * at_centre + 0.25 * square);
     sum.mean_change += area * 0.25 * std::abs(mean - at_centre);
     sum.square_change += area * 0.25 * std::abs(square - at_centre * at_centre);
+
+    // On the way, a bound for the facet as in bound().
+    const Vec3 x = position(facet, middle);
+    std::array<Vec3, 3> y;
+    for (std::size_t k = 0; k < 3; ++k) y[k] = position(facet, corners[k].barycentric);
+    double& upper = upper_[detail::slot(facet)];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::size_t next = (k + 1) % 3;
+      const double farthest = std::max({corners[k].distance, corners[next].distance, at_centre});
+      upper = std::max(upper, farthest + covering_radius(y[k], y[next], x));
+    }
   }
 
   // ---- The greatest distance ----
@@ -268,6 +295,7 @@ class OneSidedMeasure {
           const auto f = static_cast<Index>(first + i);
           section[i] = DistancePiece();
           section[i].facet = f;
+          section[i].upper = upper_[first + i];
           section[i].corners = {corner(f, 0), corner(f, 1), corner(f, 2)};
           bound(section[i]);
         }
@@ -281,18 +309,19 @@ class OneSidedMeasure {
     return {at(0), at(1), at(2)};
   }
 
+  static double greatest_of(const std::array<DistancePoint, 3>& p) {
+    return std::max({p[0].distance, p[1].distance, p[2].distance});
+  }
+
   /// Lowers piece.upper as far as is worth it: to the goal.
   ///
-  /// Distance changes by at most 1 per unit of length, and no point of a triangle is farther from its nearest corner than its
-  /// longest edge over √3: its circumradius if it is acute, else less (the bisectors of the sides at the obtuse corner cut the
-  /// longest edge within half of it). And distance to one facet of `to`, a convex set, is a convex function: at most that of
-  /// the farthest corner.
+  /// Distance changes by at most 1 per unit of length, so it is at most the greatest at a corner and the covering radius. And
+  /// distance to one facet of `to`, a convex set, is a convex function: at most that of the farthest corner.
   void bound(DistancePiece& piece) const {
+    if (piece.upper <= goal()) return;
     const std::array<Vec3, 3> x = positions(piece);
     const std::array<DistancePoint, 3>& p = piece.corners;
-    const double farthest = std::max({p[0].distance, p[1].distance, p[2].distance});
-    const double no_more = farthest + longest_edge(x) / std::sqrt(3.0);
-    piece.upper = std::min(piece.upper, no_more);
+    piece.upper = std::min(piece.upper, greatest_of(p) + covering_radius(x[0], x[1], x[2]));
     if (piece.upper <= goal()) return;
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < 3; ++k) {
@@ -330,7 +359,9 @@ class OneSidedMeasure {
     constexpr int kBorderCuts = 5;
     const std::array<Vec3, 3> x = positions(piece);
     std::array<double, 3> side{};
-    if (piece.border_cuts < kBorderCuts && longest_edge(x) <= kTooLarge * longest_edge(corners_of(to_, piece.over)) &&
+    // Quarters that would be near enough to their corners are cheaper than any other cut.
+    const bool small = greatest_of(piece.corners) + covering_radius(x[0], x[1], x[2]) / 2 <= goal();
+    if (!small && piece.border_cuts < kBorderCuts && longest_edge(x) <= kTooLarge * longest_edge(corners_of(to_, piece.over)) &&
         border_sides(piece, x, side)) {
       return cut_in_three(piece, x, side);
     }
@@ -424,6 +455,7 @@ class OneSidedMeasure {
   double tolerance_, spacing_;
   const DistanceOptions& options_;
   std::vector<DistancePoint> at_vertex_;
+  std::vector<double> upper_;  ///< of each facet: no point of it is farther
   FarthestPoint farthest_;
   OneSidedDistance result_;
 };
