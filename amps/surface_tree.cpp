@@ -130,9 +130,12 @@ struct TreeBox {
 
 constexpr int kArity = 4;
 
-/// Four children, their boxes side by side so that one loop of four measures all of them.
+/// Four numbers that one instruction takes together, where the machine has such.
+using FourFloats = Eigen::Array<float, kArity, 1>;
+
+/// Four children, their boxes side by side.
 struct TreeNode {
-  float min[3][kArity], max[3][kArity];
+  FourFloats min[3], max[3];
   Index child[kArity];  ///< ≥ 0: a node; kNoChild: none; else ~ the place of a facet
 };
 constexpr Index kNoChild = std::numeric_limits<Index>::min();
@@ -162,16 +165,13 @@ struct BoxQuery {
   }
 
   /// At most the squared distance to anything in each child.
-  void lower_bounds(const TreeNode& node, float (&result)[kArity]) const {
-    for (int k = 0; k < kArity; ++k) result[k] = 0;
+  FourFloats lower_bounds(const TreeNode& node) const {
+    FourFloats sum = FourFloats::Zero();
     for (int axis = 0; axis < 3; ++axis) {
-      for (int k = 0; k < kArity; ++k) {
-        const float below = node.min[axis][k] - x[axis], above = x[axis] - node.max[axis][k];
-        const float beyond = (below > above ? below : above) - slack;
-        const float positive = beyond > 0 ? beyond : 0;
-        result[k] += positive * positive;
-      }
+      const FourFloats beyond = (node.min[axis] - x[axis]).max(x[axis] - node.max[axis]) - slack;
+      sum += beyond.max(0.0f).square();
     }
+    return sum;
   }
 };
 
@@ -229,8 +229,8 @@ class TreeBuilder {
   void set_child(Index id, std::size_t k, const TreeBox& box, Index child) {
     TreeNode& node = nodes_[detail::slot(id)];
     for (int axis = 0; axis < 3; ++axis) {
-      node.min[axis][k] = round_down(box.min[axis]);
-      node.max[axis][k] = round_up(box.max[axis]);
+      node.min[axis][static_cast<Index>(k)] = round_down(box.min[axis]);
+      node.max[axis][static_cast<Index>(k)] = round_up(box.max[axis]);
     }
     node.child[k] = child;
   }
@@ -401,8 +401,7 @@ struct SurfaceTree::Impl {
         continue;
       }
       const TreeNode& node = nodes[detail::slot(visit.child)];
-      float bounds[kArity];
-      query.lower_bounds(node, bounds);
+      const FourFloats bounds = query.lower_bounds(node);
       const std::size_t base = top;
       for (int k = 0; k < kArity; ++k) {
         if (node.child[k] == kNoChild || bounds[k] > limit) continue;
