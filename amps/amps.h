@@ -40,6 +40,7 @@
 //   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
 //   sampling.h       darts, gap filling, and the certificate that a set is maximal
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
+//   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
 //   quality.h        angles, edges, areas, valences
 //   surface_tree.h   SurfaceTree: the nearest point of a surface

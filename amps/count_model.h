@@ -7,10 +7,10 @@
 
 namespace amps::detail {
 
-/// How many samples a scale s of the radii makes: factor·(κ∫dA/r²/s² + β∫ds/r/s), the second integral along the boundary. On
-/// closed surfaces with κ alone the first guess is within 1 % up to gradations of about 0.1; so it is on the unit square with
-/// β, where κ alone misses by 1.2/√n. What else matters — steep fields, features finer than the radii — the factor learns from
-/// the runs.
+/// How many samples a scale s of the radii makes: factor·(κ∫dA/r²/s² + (β∫ds/r − κγ∫|∇r|dA/r²)/s), the second integral along the
+/// boundary, the third over the surface again. On the unit square κ alone misses by 1.2/√n, and by 2 % at |∇r| = 0.3. What else
+/// matters, above all creases and features finer than the radii, the factor learns from the runs. It starts as on most real
+/// models: between 0.98 and 1 on 41 of 47, so that one run is enough for 1 %.
 class CountModel {
  public:
   /// For a field, or radius 1 everywhere if it is empty. target ≥ 1. O(#V + #F + #pieces).
@@ -24,8 +24,8 @@ class CountModel {
   void learn(Index count);
 
  private:
-  double target_, inner_, border_;
-  double factor_ = 1;
+  double target_, inner_, border_;  ///< border_: of the terms in 1/s
+  double factor_ = 0.993;
   int near_runs_ = 0;
 };
 

@@ -76,4 +76,9 @@ std::string format_samples(const SampleSet& samples, SampleFormat format);
 Eigen::VectorXd read_values(const std::filesystem::path& path);
 Eigen::VectorXd parse_values(std::string_view data, const std::string& name = "memory");
 
+/// A scalar property of the vertices of a PLY file, by its name ("quality", "radius", ...): one value a vertex. Throws as
+/// read_mesh, and kFileFormat if the vertices have no such property or a value is not finite.
+Eigen::VectorXd read_vertex_property(const std::filesystem::path& path, const std::string& property);
+Eigen::VectorXd parse_vertex_property(std::string_view data, const std::string& property, const std::string& name = "memory");
+
 }  // namespace amps

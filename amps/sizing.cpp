@@ -595,7 +595,7 @@ SizingField for_count(const SizingField& field, double count, double gradation) 
   const GradationLimiter limiter(field);
   // The mean size of disks over the wanted one grows with s, in proportion where nothing is limited: false position with
   // halving (Illinois) takes a few steps. The limit makes disks smaller, so s is not below `unlimited`.
-  constexpr double kClose = 4e-4;
+  constexpr double kClose = 2.5e-3;  // counts depart from the integral by more than twice that anyway
   constexpr int kMostSteps = 40;
   double low = 0, low_off = -1, high = 0, high_off = 0, last_off = 0, s = unlimited;
   for (int step = 0;; ++step) {

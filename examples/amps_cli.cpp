@@ -7,13 +7,13 @@
 // interrupted.
 
 #include "amps/amps.h"
+#include "cli_output.h"
 #include "render_png.h"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <csignal>
-#include <cstdarg>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -49,104 +49,6 @@ struct UsageError : std::runtime_error {
 };
 
 struct Interrupted {};
-
-// --- Text -----------------------------------------------------------------------------------------------------------
-
-#if defined(__GNUC__)
-__attribute__((format(printf, 1, 2)))
-#endif
-std::string
-format(const char* pattern, ...) {
-  char buffer[512];
-  std::va_list arguments;
-  va_start(arguments, pattern);
-  std::vsnprintf(buffer, sizeof buffer, pattern, arguments);
-  va_end(arguments);
-  return buffer;
-}
-
-std::string number(double x) { return format("%.6g", x); }
-std::string number(amps::Index n) { return std::to_string(n); }
-
-/// The table on stdout: a name and one or two values a row.
-class Table {
- public:
-  explicit Table(bool quiet) : quiet_(quiet) {}
-  void row(const char* name, const std::string& value) const {
-    if (!quiet_) std::printf("%-22s %s\n", name, value.c_str());
-  }
-  void row(const char* name, const std::string& first, const std::string& second) const {
-    if (!quiet_) std::printf("%-22s %-14s %s\n", name, first.c_str(), second.c_str());
-  }
-
- private:
-  bool quiet_;
-};
-
-/// JSON text, built in one pass. Numbers read back to the same bits; infinities and NaN, which JSON lacks, become null.
-class Json {
- public:
-  Json& open(const char* key = nullptr) {
-    next(key);
-    text_ += '{';
-    first_ = true;
-    ++depth_;
-    return *this;
-  }
-  Json& close() {
-    --depth_;
-    newline();
-    text_ += '}';
-    first_ = false;
-    return *this;
-  }
-  Json& add(const char* key, double value) { return raw(key, std::isfinite(value) ? format("%.17g", value) : "null"); }
-  Json& add(const char* key, int value) { return raw(key, std::to_string(value)); }
-  Json& add(const char* key, std::uint64_t value) { return raw(key, std::to_string(value)); }
-  Json& add(const char* key, bool value) { return raw(key, value ? "true" : "false"); }
-  Json& add(const char* key, const std::string& value) { return raw(key, quoted(value)); }
-  template <class Range>
-  Json& add_list(const char* key, const Range& values) {
-    std::string list;
-    for (const auto& value : values) list += (list.empty() ? "" : ", ") + std::to_string(value);
-    return raw(key, "[" + list + "]");
-  }
-  std::string text() const { return text_ + "\n"; }
-
- private:
-  Json& raw(const char* key, const std::string& value) {
-    next(key);
-    text_ += value;
-    return *this;
-  }
-  void next(const char* key) {
-    if (depth_ > 0) {
-      if (!first_) text_ += ',';
-      newline();
-    }
-    first_ = false;
-    if (key != nullptr) text_ += quoted(key) + ": ";
-  }
-  void newline() { text_ += '\n' + std::string(static_cast<std::size_t>(2 * depth_), ' '); }
-  static std::string quoted(const std::string& s) {
-    std::string out = "\"";
-    for (const char c : s) {
-      if (c == '"' || c == '\\') {
-        out += '\\';
-        out += c;
-      } else if (static_cast<unsigned char>(c) < 0x20) {
-        out += format("\\u%04x", static_cast<unsigned>(c));
-      } else {
-        out += c;
-      }
-    }
-    return out + '"';
-  }
-
-  std::string text_;
-  int depth_ = 0;
-  bool first_ = true;
-};
 
 // --- Options --------------------------------------------------------------------------------------------------------
 
@@ -468,6 +370,12 @@ void print_maximality(const Table& table, const amps::MaximalityReport& report) 
   }
 }
 
+void print_radii(const Table& table, const amps::SampleSet& samples) {
+  const double least = samples.radii.minCoeff(), most = samples.radii.maxCoeff();
+  table.row("radius r", least == most ? number(least)
+                                      : number(least) + " to " + number(most) + ", mean " + number(samples.radii.mean()));
+}
+
 void add_maximality(Json& json, const amps::MaximalityReport& report) {
   json.open("maximality")
       .add("maximal", report.maximal())
@@ -539,9 +447,13 @@ void print_unfilled(const Table& table, const amps::SamplingReport& report) {
     table.row("unfilled gaps", number(report.unfilled_gaps) + ", move the mesh nearer to the origin");
 }
 
-/// Radius and seed are the ones used: together they make the set again.
+/// Radius, or scale, and seed are the ones used: together they make the set again.
 void add_sampling(Json& json, const amps::SamplingReport& report) {
   json.add("radius", report.radius)
+      .add("sizing_scale", report.sizing_scale)
+      .add("min_radius", report.min_radius)
+      .add("max_radius", report.max_radius)
+      .add("mean_radius", report.mean_radius)
       .add("seed", report.seed)
       .open("sampling")
       .add("darts", report.darts)
@@ -575,10 +487,94 @@ unsigned threads_of(const Arguments& arguments) {
   return static_cast<unsigned>(arguments.whole("--threads", 0, 0, kMostThreads));
 }
 
-amps::SamplingOptions sampling_options(const Arguments& arguments) {
-  if (arguments.has("--radius") == arguments.has("--vertices")) {
-    throw arguments.error("say how dense: either --radius R or --vertices N");
+/// What --sizing and its companions ask for, before there is a mesh.
+struct SizingRequest {
+  std::string kind;  ///< uniform, lfs, curvature, or a file
+  double least = 0, greatest = 0, error = 0, gradation = 0;
+  amps::Index count = 0;
+};
+
+/// FILE, or FILE.ply:PROPERTY: the file and the property.
+std::pair<std::string, std::string> sizing_file(const std::string& name) {
+  const std::size_t colon = name.find(".ply:");
+  if (colon == std::string::npos) return {name, ""};
+  return {name.substr(0, colon + 4), name.substr(colon + 5)};
+}
+
+SizingRequest sizing_request(const Arguments& arguments) {
+  SizingRequest request;
+  request.error = arguments.positive("--error");
+  request.kind = arguments.text("--sizing", request.error > 0 ? "curvature" : "uniform");
+  request.least = arguments.positive("--rmin");
+  request.greatest = arguments.positive("--rmax");
+  request.count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
+  request.gradation = arguments.has("--gradation") ? arguments.positive("--gradation") : amps::kDefaultGradation;
+  const bool bounded = request.least > 0 || request.greatest > 0;
+  if (request.kind == "uniform") {
+    for (const char* name : {"--rmin", "--rmax", "--error", "--gradation"}) {
+      if (arguments.has(name)) throw arguments.error(std::string(name) + " is for radii that vary: say --sizing as well");
+    }
+    if (arguments.has("--radius") == arguments.has("--vertices")) {
+      throw arguments.error("say how dense: either --radius R or --vertices N");
+    }
+    return request;
   }
+  const std::vector<std::string> known{"uniform", "lfs", "curvature"};
+  std::error_code ignored;
+  if (request.kind != "lfs" && request.kind != "curvature" && !fs::exists(sizing_file(request.kind).first, ignored)) {
+    throw arguments.error("--sizing " + request.kind + " is neither uniform, lfs, curvature nor a file that exists" +
+                          did_you_mean(request.kind, known));
+  }
+  if (arguments.has("--radius")) {
+    throw arguments.error("--radius is for uniform sets, --sizing " + request.kind + " has its own radii");
+  }
+  if (request.error > 0 && request.kind != "curvature") throw arguments.error("--error goes with --sizing curvature");
+  if (request.count > 0 && (bounded || request.error > 0)) {
+    throw arguments.error("--vertices scales all radii: leave out --rmin, --rmax and --error");
+  }
+  if (request.greatest > 0 && request.least > request.greatest) throw arguments.error("--rmin is greater than --rmax");
+  if (request.count == 0 && request.kind == "lfs" && !bounded) {
+    throw arguments.error("say how dense: --vertices N, or --rmin R (and --rmax) to bound the local feature size");
+  }
+  if (request.count == 0 && request.kind == "curvature" && request.error == 0) {
+    throw arguments.error("say how dense: --vertices N, or --error E, how far the result may be off");
+  }
+  return request;
+}
+
+amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name) {
+  const auto [file, property] = sizing_file(name);
+  const Eigen::VectorXd radii = property.empty() ? amps::read_values(file) : amps::read_vertex_property(file, property);
+  try {
+    return amps::vertex_sizing(mesh, radii);
+  } catch (const amps::Error& error) {
+    throw amps::Error(error.code(), name + ": " + error.what());
+  }
+}
+
+amps::SizingField make_sizing(const SizingRequest& request, const amps::Mesh& mesh) {
+  constexpr double kRatio = 16;          // r_max / r_min, as in the paper
+  constexpr double kErrorScale = 1e-3;  // of the diagonal; any: the field is scaled
+  amps::SizingField field;
+  if (request.kind == "uniform") return field;
+  if (request.kind == "lfs") {
+    field = amps::lfs_sizing(mesh);
+  } else if (request.kind == "curvature") {
+    amps::CurvatureOptions options;
+    options.max_error = request.error > 0 ? request.error : kErrorScale * amps::bounding_box(mesh).diagonal();
+    field = amps::curvature_sizing(mesh, options);
+  } else {
+    field = file_sizing(mesh, request.kind);
+  }
+  if (request.count > 0) return amps::for_count(field.with_ratio(kRatio), request.count, request.gradation);
+  if (request.least > 0 || request.greatest > 0) {
+    const double least = request.least > 0 ? request.least : request.greatest / kRatio;
+    field = field.clamped(least, request.greatest > 0 ? request.greatest : kRatio * least);
+  }
+  return field.limited(request.gradation);
+}
+
+amps::SamplingOptions sampling_options(const Arguments& arguments) {
   amps::SamplingOptions options;
   options.radius = arguments.positive("--radius");
   options.target_count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
@@ -588,6 +584,7 @@ amps::SamplingOptions sampling_options(const Arguments& arguments) {
 }
 
 int run_sample(const Arguments& arguments) {
+  const SizingRequest sizing = sizing_request(arguments);
   amps::SamplingOptions options = sampling_options(arguments);
   require_sample_output(arguments, arguments.operand(1));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
@@ -595,6 +592,8 @@ int run_sample(const Arguments& arguments) {
   const Stopwatch total;
   const amps::Mesh mesh = load(arguments.operand(0));
   const double seconds_read = total.seconds();
+  options.sizing = make_sizing(sizing, mesh);
+  const double seconds_sizing = total.seconds() - seconds_read;
   amps::SamplingResult result;
   amps::MaximalityReport certificate;
   double seconds_verify = 0;
@@ -610,7 +609,7 @@ int run_sample(const Arguments& arguments) {
   }
   const Stopwatch write;
   amps::write_samples(arguments.operand(1), result.samples);
-  Seconds seconds{{"read", seconds_read}};
+  Seconds seconds{{"read", seconds_read}, {"sizing", seconds_sizing}};
   for (const auto& stage : seconds_of(result.report)) seconds.push_back(stage);
   seconds.insert(seconds.end(), {{"verify", seconds_verify}, {"write", write.seconds()}, {"total", total.seconds()}});
 
@@ -624,7 +623,7 @@ int run_sample(const Arguments& arguments) {
   const Table table(arguments.quiet());
   table.row("samples", number(result.samples.size()));
   table.row("of darts and of gaps", number(result.report.dart_samples) + " and " + number(result.report.gap_samples));
-  table.row("radius r", number(result.report.radius));
+  print_radii(table, result.samples);
   print_maximality(table, certificate);
   print_unfilled(table, result.report);
   print_seconds(table, seconds);
@@ -632,6 +631,7 @@ int run_sample(const Arguments& arguments) {
 }
 
 int run_remesh(const Arguments& arguments) {
+  const SizingRequest sizing = sizing_request(arguments);
   amps::RemeshOptions options;
   options.sampling = sampling_options(arguments);
   require_mesh_output(arguments, arguments.operand(1));
@@ -641,6 +641,8 @@ int run_remesh(const Arguments& arguments) {
   const Stopwatch total;
   const amps::Mesh mesh = load(arguments.operand(0));
   const double seconds_read = total.seconds();
+  options.sampling.sizing = make_sizing(sizing, mesh);
+  const double seconds_sizing = total.seconds() - seconds_read;
   const Stopwatch work;
   amps::RemeshResult result;
   {
@@ -657,7 +659,7 @@ int run_remesh(const Arguments& arguments) {
 
   const amps::RemeshReport& report = result.report;
   const double radius = report.sampling.radius;
-  Seconds seconds{{"read", seconds_read}};
+  Seconds seconds{{"read", seconds_read}, {"sizing", seconds_sizing}};
   double told = 0;
   for (const auto& stage : seconds_of(report.sampling)) {
     seconds.push_back(stage);
@@ -686,7 +688,7 @@ int run_remesh(const Arguments& arguments) {
   print_topology(table, report.input, report.output);
   const Eigen::Index unused = result.mesh.vertices.rows() - report.output.vertices;
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));  // samples on parts as thin as r
-  table.row("radius r", number(radius));
+  print_radii(table, result.samples);
   print_quality(table, report.quality, radius);
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
@@ -713,9 +715,7 @@ int run_gaps(const Arguments& arguments) {
 
   const Table table(arguments.quiet());
   table.row("samples", number(samples.size()));
-  const double least = samples.radii.minCoeff();
-  const double most = samples.radii.maxCoeff();
-  table.row("radius r", least == most ? number(least) : number(least) + " to " + number(most));
+  print_radii(table, samples);
   table.row("maximal", report.maximal() ? "yes" : "no");
   table.row("Poisson-disk", report.poisson_disk() ? "yes" : "no");
   print_maximality(table, report);
@@ -839,7 +839,13 @@ int run_render(const Arguments& arguments) {
 
 const std::vector<Command>& commands() {
   static const Option kRadius{"--radius", "R", "disk radius, in the units of the mesh"};
-  static const Option kVertices{"--vertices", "N", "number of samples wanted instead, met within 2 %"};
+  static const Option kVertices{"--vertices", "N", "number of samples wanted instead, met within 1 %"};
+  static const Option kSizing{"--sizing", "KIND",
+                              "uniform (default), lfs, curvature, or a file of one radius a vertex (numbers, or x.ply:PROPERTY)"};
+  static const Option kRmin{"--rmin", "R", "least radius; with --rmax left out, radii go up to 16 R"};
+  static const Option kRmax{"--rmax", "R", "greatest radius"};
+  static const Option kError{"--error", "E", "radii by curvature, so that triangles are at most E off"};
+  static const Option kGradation{"--gradation", "L", "how fast radii may grow along the surface (default 0.15): it sets the worst angle"};
   static const Option kSeed{"--seed", "S", "of the random numbers (default 1): the same seed gives the same bits"};
   static const Option kThreads{"--threads", "T", "default 0: one per core; the result does not depend on it"};
   static const Option kJson{"--json", "FILE", "write the table as JSON too"};
@@ -847,16 +853,22 @@ const std::vector<Command>& commands() {
       {"sample",
        "IN OUT",
        "place a maximal Poisson-disk set on a mesh",
-       "IN is a mesh (.obj .off .ply .stl), OUT a sample set (.xyzr .ply .csv). No two samples are nearer than R,\n"
-       "and no point of the surface is farther than R from the nearest sample.",
-       {kRadius, kVertices, kSeed, kThreads, kJson},
+       "IN is a mesh (.obj .off .ply .stl), OUT a sample set (.xyzr .ply .csv). No two samples are nearer than the\n"
+       "greater of their radii, and every point of the surface is within the radius of a sample.",
+       {kRadius, kVertices, kSizing, kRmin, kRmax, kError, kGradation, kSeed, kThreads, kJson},
        run_sample},
       {"remesh",
        "IN OUT",
        "replace a mesh by one of well-shaped triangles",
-       "IN and OUT are meshes (.obj .off .ply .stl). All angles of OUT are in [30, 120] degrees, all edges in [R, 2R].",
+       "IN and OUT are meshes (.obj .off .ply .stl). With one radius R everywhere, all angles of OUT are in [30, 120] degrees and\n"
+       "all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation).",
        {kRadius,
         kVertices,
+        kSizing,
+        kRmin,
+        kRmax,
+        kError,
+        kGradation,
         kSeed,
         kThreads,
         {"--samples", "FILE", "write the vertices as a sample set too (.xyzr .ply .csv)"},

@@ -94,6 +94,30 @@ awk -v low="$(number min_edge_over_radius out.json)" -v high="$(number max_edge_
 run 0 gaps knot.obj out.xyzr
 run 0 info out.obj
 
+echo "-- radii that vary"
+run 0 remesh knot.obj lfs.ply --sizing lfs --vertices 3000 --samples lfs.xyzr --json lfs.json
+n=$(number vertices lfs.json)
+{ [ "$n" -ge 2970 ] && [ "$n" -le 3030 ]; } || fail "$n vertices for --vertices 3000 by lfs"
+awk -v low="$(number min_radius lfs.json)" -v high="$(number max_radius lfs.json)" 'BEGIN { exit !(high > 1.2 * low) }' ||
+  fail "radii by lfs do not vary"
+run 0 gaps knot.obj lfs.xyzr
+run 0 sample torus.obj lfs.csv --sizing lfs --rmin 0.05 --rmax 0.1 --gradation 0.1 --json lfs.json
+awk -v low="$(number min_radius lfs.json)" -v high="$(number max_radius lfs.json)" 'BEGIN { exit !(low >= 0.05 && high <= 0.1) }' ||
+  fail "radii out of --rmin and --rmax"
+run 0 sample torus.obj curved.xyzr --error 0.004
+run 0 gaps torus.obj curved.xyzr
+run 0 sample torus.obj curved.xyzr --sizing curvature --vertices 500
+awk '/^v / { print 0.05 + 0.05 * ($2 > 0) }' torus.obj >radii.txt
+run 0 sample torus.obj file.xyzr --sizing radii.txt
+run 0 gaps torus.obj file.xyzr
+awk '$4 < 0.05 - 1e-15 || $4 > 0.1 + 1e-15 { exit 1 }' file.xyzr || fail "radii are not those of the file"
+{
+  printf 'ply\nformat ascii 1.0\nelement vertex %d\nproperty float quality\nend_header\n' "$(wc -l <radii.txt)"
+  cat radii.txt
+} >radii.ply
+run 0 sample torus.obj same.xyzr --sizing radii.ply:quality --gradation 0.2
+head -n 5 radii.txt >few.txt
+
 echo "-- the same seed, the same bytes"
 run 0 remesh torus.obj a.off --radius 0.1 --seed 5 --threads 1
 run 0 remesh torus.obj b.off --radius=0.1 --seed=5 --threads 2
@@ -136,6 +160,17 @@ bad "whole number" remesh torus.obj no.obj --vertices 99999999999999999999999
 bad "whole number" remesh torus.obj no.obj --radius 0.1 --seed -1
 bad "either --radius" remesh torus.obj no.obj
 bad "either --radius" remesh torus.obj no.obj --radius 0.1 --vertices 10
+bad "did you mean lfs" remesh torus.obj no.obj --sizing lsf --vertices 100
+bad "say how dense" remesh torus.obj no.obj --sizing lfs
+bad "say how dense" remesh torus.obj no.obj --sizing curvature
+bad "leave out" remesh torus.obj no.obj --sizing lfs --vertices 100 --rmin 0.1
+bad "own radii" remesh torus.obj no.obj --sizing lfs --radius 0.1
+bad "goes with" remesh torus.obj no.obj --sizing lfs --error 0.1
+bad "greater than" remesh torus.obj no.obj --sizing lfs --rmin 0.2 --rmax 0.1
+bad "radii that vary" remesh torus.obj no.obj --radius 0.1 --gradation 0.1
+bad "above 0" remesh torus.obj no.obj --error 0
+bad "few.txt" remesh torus.obj no.obj --sizing few.txt
+bad "property nothing" remesh torus.obj no.obj --sizing radii.ply:nothing
 bad "twice" remesh torus.obj no.obj --radius 0.1 --radius 0.1
 bad "too few" remesh torus.obj --radius 0.1
 bad "one argument too many" remesh torus.obj no.obj more.obj --radius 0.1

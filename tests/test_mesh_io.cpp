@@ -514,6 +514,22 @@ TEST_CASE("mesh_io: samples in the forms people write them") {
   CHECK(d.facets.empty());
 }
 
+TEST_CASE("mesh_io: a property of the vertices by its name") {
+  const std::string text =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty list uchar int marks\nproperty double size\n"
+      "end_header\n1 2 7 7 0.5\n2 0 1e-3\n3 1 4 7\n";
+  const Eigen::VectorXd size = amps::parse_vertex_property(text, "size");
+  REQUIRE(size.size() == 3);
+  CHECK(size[0] == 0.5);
+  CHECK(size[1] == 1e-3);
+  CHECK(size[2] == 7);
+  CHECK(amps::parse_vertex_property(text, "x")[2] == 3);
+  CHECK_THROWS_WITH_AS(amps::parse_vertex_property(text, "marks", "a.ply"), "a.ply: its vertices have no property marks", amps::Error);
+  CHECK_THROWS_AS(amps::parse_vertex_property(text.substr(0, text.size() - 4), "size"), amps::Error);
+  const std::string nan = text.substr(0, text.size() - 2) + "nan\n";
+  CHECK_THROWS_AS(amps::parse_vertex_property(nan, "size"), amps::Error);
+}
+
 TEST_CASE("mesh_io: samples that cannot be are refused with the place") {
   check_refused("", SampleFormat::kXyzr, "no sample");
   check_refused("1 2 3\n", SampleFormat::kXyzr, "line 1: expected 4 numbers");

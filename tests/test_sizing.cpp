@@ -437,13 +437,13 @@ TEST_CASE("sizing: for_count reaches the count with the gradation it is given, a
   for (const double count : {100.0, 1000.0, 10000.0, 1e6}) {
     for (const double gradation : {0.1, amps::kDefaultGradation}) {
       const SizingField fitted = amps::for_count(field, count, gradation);
-      CHECK(amps::kSamplesPerDensity * fitted.density_integral() == doctest::Approx(count).epsilon(1e-3));
+      CHECK(amps::kSamplesPerDensity * fitted.density_integral() == doctest::Approx(count).epsilon(5e-3));
       CHECK(steepest(mesh, fitted) <= gradation * (1 + 1e-6));
       CHECK(fitted.max_radius() <= 16 * fitted.min_radius() * (1 + 1e-12));
       require_same(fitted.limited(gradation), fitted);
       // The least radius is limited by nothing, so it tells the factor; limiting makes disks smaller, so that is above plain
       // scaling's.
-      CHECK(fitted.min_radius() / field.min_radius() >= amps::count_factor(field, count) * (1 - 1e-3));
+      CHECK(fitted.min_radius() / field.min_radius() >= amps::count_factor(field, count) * (1 - 3e-3));
     }
     const double least = amps::for_count(field, count).min_radius();
     CHECK(least < before);

@@ -41,6 +41,9 @@ amps::SizingField graded_field(const amps::Mesh& mesh, double samples) {
 
 amps::Mesh bunny() { return amps_test::data_mesh_or("bunny_100kf_closed.obj", amps::make_knot()); }
 
+/// What bunny() gave.
+std::string bunny_name() { return amps_test::data_file("bunny_100kf_closed.obj") ? "bunny" : "knot (no bunny)"; }
+
 /// A mesh, a radius for about `samples` samples, and what each stage starts from.
 struct PipelineCase {
   std::string name;
@@ -67,7 +70,7 @@ const PipelineCase& pipeline_case(std::size_t which) {
   if (made == nullptr) {
     switch (which) {
       case 0:
-        made = std::make_unique<PipelineCase>("bunny, 12k", bunny(), 12000, false);
+        made = std::make_unique<PipelineCase>(bunny_name() + ", 12k", bunny(), 12000, false);
         break;
       case 1:
         made = std::make_unique<PipelineCase>("sphere, 10k", amps::make_sphere(20480), 10000, false);
@@ -76,7 +79,7 @@ const PipelineCase& pipeline_case(std::size_t which) {
         made = std::make_unique<PipelineCase>("sphere, 100k", amps::make_sphere(20480), 100000, false);
         break;
       case 3:
-        made = std::make_unique<PipelineCase>("bunny, 12k, 1:16", bunny(), 12000, true);
+        made = std::make_unique<PipelineCase>(bunny_name() + ", 12k, 1:16", bunny(), 12000, true);
         break;
       default:
         made = std::make_unique<PipelineCase>("sphere, 100k, 1:16", amps::make_sphere(20480), 100000, true);
@@ -231,6 +234,27 @@ void table2_remesh(benchmark::State& state) {
   state.counters["worst_separation"] = result.report.maximality.worst_separation;
 }
 
+/// From the mesh in memory to the dual triangulation, 12k samples by local feature size: the README's adaptive run.
+void adaptive_remesh(benchmark::State& state) {
+  const amps::Mesh mesh = bunny();
+  amps::RemeshOptions options;
+  options.sampling.target_count = 12000;
+  double lfs = 0, count = 0;
+  for (auto iteration : state) {
+    static_cast<void>(iteration);
+    amps::detail::Stopwatch watch;
+    const amps::SizingField field = amps::lfs_sizing(mesh).with_ratio();
+    lfs = watch.lap();
+    options.sampling.sizing = amps::for_count(field, 12000);
+    count = watch.lap();
+    benchmark::DoNotOptimize(amps::remesh(mesh, options));
+  }
+  state.SetLabel(bunny_name());
+  state.counters["ms_lfs"] = 1e3 * lfs;
+  state.counters["ms_for_count"] = 1e3 * count;
+}
+
+BENCHMARK(adaptive_remesh)->Unit(benchmark::kMillisecond);
 BENCHMARK(scaling_sample)
     ->ArgsProduct({{10000, 100000, 1000000}, {0, 1}, {0, 1}})
     ->Iterations(1)
