@@ -8,7 +8,9 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <deque>
 #include <iomanip>
+#include <limits>
 #include <locale>
 #include <ostream>
 #include <sstream>
@@ -25,6 +27,8 @@ struct DistancePoint {
   Index nearest = kNone;  ///< facet of `to`
 };
 
+using DistanceCorners = std::array<DistancePoint, 3>;
+
 /// The greatest distance met so far; of equal ones the first.
 struct FarthestPoint {
   DistancePoint point;
@@ -32,22 +36,19 @@ struct FarthestPoint {
   void offer(const DistancePoint& p, Index f) {
     if (facet == kNone || p.distance > point.distance) *this = {p, f};
   }
-  void offer(const FarthestPoint& other) {
-    if (other.facet != kNone) offer(other.point, other.facet);
-  }
 };
 
-/// A triangle of a facet of `from` whose distances are not yet known well enough.
+/// A triangle within a facet of `from`, whose distances are not yet known well enough.
 struct DistancePiece {
-  std::array<DistancePoint, 3> corners;
-  double upper = std::numeric_limits<double>::infinity();  ///< none of its points is farther than this
   Index facet = kNone;
+  DistanceCorners corners;
+  double upper = std::numeric_limits<double>::infinity();  ///< none of its points is farther than this
   Index over = kNone;    ///< the facet of `to` with the least greatest distance to the corners, which …
   int worst = 0;         ///< … this corner has
   int border_cuts = 0;   ///< since the last halving
 };
 
-/// The greatest distance a point of a triangle has to its nearest corner. A triangle that is not obtuse has it at its circumcentre;
+/// The greatest distance that a point of a triangle has to its nearest corner. A triangle that is not obtuse has it at its circumcentre;
 /// in an obtuse one the bisectors of the two short sides meet the longest side before they meet each other, and it is there.
 /// Never less than the truth by more than rounding.
 double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
@@ -56,18 +57,35 @@ double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
   const double p = squares[0], q = squares[1], longest = squares[2];
   const double obtuse = longest - p - q;
   if (obtuse < 0) return std::sqrt(p * q / (4 * p * q - obtuse * obtuse) * longest);
-  // A side of square s at an angle of cosine k to the longest meets it at √s / 2k; twice its product with the longest is s + longest − other.
+  // The side of square p, at an angle of cosine k to the longest, has its bisector meet that at √p / 2k, and 2k √p √longest =
+  // p + longest − q; likewise q. Neither is beyond the middle, which also stands in for 0/0 where p is 0.
   const double length = std::sqrt(longest);
   const double from_p = p * length / (p + longest - q), from_q = q * length / (q + longest - p);
   return std::min(length / 2, from_p > from_q ? from_p : from_q);
 }
 
-struct DistanceSums {
-  double mean = 0, square = 0;              ///< ∫ d, ∫ d²
-  double mean_change = 0, square_change = 0;  ///< sums of what a rule of lower degree changes in each cell
-  FarthestPoint farthest;
+/// The side k, from corner k to the next, that is longest; of equal ones the first.
+struct LongestSide {
+  std::size_t k = 0;
+  double length = 0;
+  explicit LongestSide(const std::array<Vec3, 3>& x) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double l = (x[(i + 1) % 3] - x[i]).norm();
+      if (l > length) {
+        length = l;
+        k = i;
+      }
+    }
+  }
 };
 
+std::array<Vec3, 3> corners_of(const MeshView& mesh, Index facet) {
+  return {mesh.corner(facet, 0), mesh.corner(facet, 1), mesh.corner(facet, 2)};
+}
+
+double greatest_of(const DistanceCorners& p) { return std::max({p[0].distance, p[1].distance, p[2].distance}); }
+
+/// One direction: vertices first, then the integrals, then cuts where these leave the greatest distance uncertain.
 class OneSidedMeasure {
  public:
   OneSidedMeasure(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double diagonal, const DistanceOptions& options)
@@ -88,76 +106,66 @@ class OneSidedMeasure {
     return barycentric[0] * from_.corner(facet, 0) + barycentric[1] * from_.corner(facet, 1) + barycentric[2] * from_.corner(facet, 2);
   }
 
+  std::array<Vec3, 3> positions(Index facet, const DistanceCorners& p) const {
+    return {position(facet, p[0].barycentric), position(facet, p[1].barycentric), position(facet, p[2].barycentric)};
+  }
+
   DistancePoint measure(Index facet, const Vec3& barycentric, Index hint) const {
     const SurfaceHit hit = tree_.nearest(position(facet, barycentric), hint);
     return {barycentric, hit.distance, hit.point.facet};
   }
 
-  DistancePoint corner(Index facet, int k) const {
-    DistancePoint p = at_vertex_[detail::slot(from_.triangles(facet, k))];
-    p.barycentric[k] = 1;
+  DistanceCorners facet_corners(Index facet) const {
+    DistanceCorners p;
+    for (int k = 0; k < 3; ++k) {
+      p[static_cast<std::size_t>(k)] = at_vertex_[detail::slot(from_.triangles(facet, k))];
+      p[static_cast<std::size_t>(k)].barycentric[k] = 1;
+    }
     return p;
   }
 
-  double longest_edge(const std::array<Vec3, 3>& x) const {
-    return std::sqrt(std::max({(x[1] - x[0]).squaredNorm(), (x[2] - x[1]).squaredNorm(), (x[0] - x[2]).squaredNorm()}));
-  }
-
-  std::array<Vec3, 3> corners_of(const MeshView& mesh, Index facet) const {
-    return {mesh.corner(facet, 0), mesh.corner(facet, 1), mesh.corner(facet, 2)};
-  }
-
-  /// Distances of all vertices of facets. Along a curve, so that each starts from the facet nearest to its neighbour.
+  /// Distances of all vertices. Along a curve, so that each starts from the facet nearest to its neighbour.
   void measure_vertices() {
-    at_vertex_.resize(static_cast<std::size_t>(from_.num_vertices()));
-    std::vector<char> used(at_vertex_.size(), 0);
-    for (Index f = 0; f < from_.num_facets(); ++f) {
-      for (int k = 0; k < 3; ++k) used[detail::slot(from_.triangles(f, k))] = 1;
-    }
+    at_vertex_.resize(detail::slot(from_.num_vertices()));
     const std::vector<Index> order = detail::curve_order(from_.vertices);
     constexpr std::size_t kGrain = 1024;
     parallel_for(order.size(), kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
       Index hint = kNone;
       for (std::size_t i = begin; i < end; ++i) {
-        const std::size_t v = detail::slot(order[i]);
-        if (used[v] == 0) continue;
         const SurfaceHit hit = tree_.nearest(from_.vertices.row(order[i]).transpose(), hint);
         hint = hit.point.facet;
-        at_vertex_[v] = {Vec3::Zero(), hit.distance, hint};
+        at_vertex_[detail::slot(order[i])] = {Vec3::Zero(), hit.distance, hint};
       }
     });
   }
 
   // ---- Mean and root mean square ----
 
-  /// Cells along an edge of a facet's lattice. The number of cells is its square.
-  double lattice_size(Index facet) const { return std::max(1.0, std::ceil(longest_edge(corners_of(from_, facet)) / spacing_)); }
+  struct Sums {
+    double mean = 0, square = 0;                ///< ∫ d, ∫ d²
+    double mean_change = 0, square_change = 0;  ///< sums of what a rule of lower degree changes in each cell
+    FarthestPoint farthest;
+  };
 
   void integrate() {
-    double cells = 0;
-    for (Index f = 0; f < from_.num_facets(); ++f) cells += lattice_size(f) * lattice_size(f);
-    if (!(cells <= 0x1p39)) {  // a cell has a centre and half a corner of its own
-      throw Error(ErrorCode::kTooLarge, "surface distance: the spacing of " + std::to_string(options_.spacing) +
-                                            " diagonals would need more than 2^40 points; choose a larger one");
-    }
-    const auto facets = static_cast<std::size_t>(from_.num_facets());
-    constexpr double kCellsAtATime = 2048;
-    const auto grain = static_cast<std::size_t>(std::max(1.0, kCellsAtATime * static_cast<double>(facets) / cells));
-    std::vector<DistanceSums> sums((facets + grain - 1) / grain);
+    const std::size_t facets = detail::slot(from_.num_facets());
+    constexpr std::size_t kGrain = 64;
+    std::vector<Sums> sums((facets + kGrain - 1) / kGrain);
     upper_.assign(facets, 0);
-    parallel_for(facets, grain, options_.threads, [&](std::size_t begin, std::size_t end) {
-      DistanceSums& sum = sums[begin / grain];
-      std::vector<DistancePoint> above, below;
-      for (std::size_t f = begin; f < end; ++f) integrate_facet(static_cast<Index>(f), above, below, sum);
+    parallel_for(facets, kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const auto f = static_cast<Index>(i);
+        const std::array<Vec3, 3> x = corners_of(from_, f);
+        integrate(f, facet_corners(f), 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm(), sums[begin / kGrain]);
+      }
     });
-
-    DistanceSums all;
-    for (const DistanceSums& sum : sums) {
+    Sums all;
+    for (const Sums& sum : sums) {
       all.mean += sum.mean;
       all.square += sum.square;
       all.mean_change += sum.mean_change;
       all.square_change += sum.square_change;
-      farthest_.offer(sum.farthest);
+      farthest_.offer(sum.farthest.point, sum.farthest.facet);
     }
     const double area = total_area(from_);
     result_.mean = all.mean / area;
@@ -166,56 +174,44 @@ class OneSidedMeasure {
     result_.rms_error = result_.rms - std::sqrt(std::max(0.0, all.square - all.square_change) / area);
   }
 
-  /// The facet as a lattice of n² congruent cells. Rows of points are numbered from corner a to the side bc.
-  void integrate_facet(Index facet, std::vector<DistancePoint>& above, std::vector<DistancePoint>& below, DistanceSums& sum) {
-    const auto n = static_cast<std::int64_t>(lattice_size(facet));
-    const auto lattice_point = [&](std::int64_t i, std::int64_t j, Index hint) -> DistancePoint {
-      if (i == 0) return corner(facet, 0);
-      if (i == n && (j == 0 || j == n)) return corner(facet, j == 0 ? 1 : 2);
-      const Vec3 steps(static_cast<double>(n - i), static_cast<double>(i - j), static_cast<double>(j));
-      return measure(facet, steps / static_cast<double>(n), hint);
-    };
-    const std::array<Vec3, 3> x = corners_of(from_, facet);
-    const double cell_area = 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm() / static_cast<double>(n * n);
-    below.assign(1, lattice_point(0, 0, kNone));
-    for (const DistancePoint& p : {corner(facet, 0), corner(facet, 1), corner(facet, 2)}) sum.farthest.offer(p, facet);
-    for (std::int64_t i = 1; i <= n; ++i) {
-      std::swap(above, below);
-      below.clear();
-      Index hint = above.front().nearest;
-      for (std::int64_t j = 0; j <= i; ++j) {
-        below.push_back(lattice_point(i, j, hint));
-        hint = below.back().nearest;
-        sum.farthest.offer(below.back(), facet);
-      }
-      for (std::size_t j = 0; j < above.size(); ++j) {
-        add_cell(facet, {above[j], below[j], below[j + 1]}, cell_area, sum);
-        if (j + 1 < above.size()) add_cell(facet, {above[j], below[j + 1], above[j + 1]}, cell_area, sum);
-      }
+  /// Halves a triangle of a facet at its longest side until that is within the spacing: few cells on slivers, too.
+  void integrate(Index facet, const DistanceCorners& p, double area, Sums& sums) {
+    // Measured from a corner of the facet, so that roundings are those of its size and the halving ends wherever it lies.
+    const Vec3 ab = from_.corner(facet, 1) - from_.corner(facet, 0), ac = from_.corner(facet, 2) - from_.corner(facet, 0);
+    std::array<Vec3, 3> x;
+    for (std::size_t k = 0; k < 3; ++k) x[k] = p[k].barycentric[1] * ab + p[k].barycentric[2] * ac;
+    const LongestSide side(x);
+    if (side.length <= spacing_) {
+      add_cell(facet, p, area, sums);
+      return;
     }
+    const DistancePoint &a = p[side.k], &b = p[(side.k + 1) % 3], &c = p[(side.k + 2) % 3];
+    const DistancePoint middle = measure(facet, (a.barycentric + b.barycentric) / 2, a.nearest);
+    integrate(facet, {a, middle, c}, area / 2, sums);
+    integrate(facet, {middle, b, c}, area / 2, sums);
   }
 
   /// The rule of degree 2 with weights 3/4 at the centroid and 1/12 at the corners. All weights are positive, so no mean is
   /// negative. That of the centroid alone has degree 1; their difference is its error, to leading order.
-  void add_cell(Index facet, const std::array<DistancePoint, 3>& corners, double area, DistanceSums& sum) {
+  void add_cell(Index facet, const DistanceCorners& corners, double area, Sums& sums) {
     const Vec3 middle = (corners[0].barycentric + corners[1].barycentric + corners[2].barycentric) / 3;
     const DistancePoint centre = measure(facet, middle, corners[0].nearest);
-    sum.farthest.offer(centre, facet);
     double mean = 0, square = 0;
     for (const DistancePoint& p : corners) {
+      sums.farthest.offer(p, facet);
       mean += p.distance / 3;
       square += p.distance * p.distance / 3;
     }
+    sums.farthest.offer(centre, facet);
     const double at_centre = centre.distance;
-    sum.mean += area * (0.75 * at_centre + 0.25 * mean);
-    sum.square += area * (0.75 * at_centre * at_centre + 0.25 * square);
-    sum.mean_change += area * 0.25 * std::abs(mean - at_centre);
-    sum.square_change += area * 0.25 * std::abs(square - at_centre * at_centre);
+    sums.mean += area * (0.75 * at_centre + 0.25 * mean);
+    sums.square += area * (0.75 * at_centre * at_centre + 0.25 * square);
+    sums.mean_change += area * 0.25 * std::abs(mean - at_centre);
+    sums.square_change += area * 0.25 * std::abs(square - at_centre * at_centre);
 
-    // On the way, a bound for the facet as in bound().
+    // On the way, a bound for the facet, as in bound().
     const Vec3 x = position(facet, middle);
-    std::array<Vec3, 3> y;
-    for (std::size_t k = 0; k < 3; ++k) y[k] = position(facet, corners[k].barycentric);
+    const std::array<Vec3, 3> y = positions(facet, corners);
     double& upper = upper_[detail::slot(facet)];
     for (std::size_t k = 0; k < 3; ++k) {
       const std::size_t next = (k + 1) % 3;
@@ -229,88 +225,47 @@ class OneSidedMeasure {
   /// Pieces whose bound is at most this need no cut.
   double goal() const { return farthest_.point.distance + tolerance_; }
 
-  /// Cuts the pieces of highest bounds until none exceeds the goal. Batches are taken and returned in one order and made with
-  /// the goal as it was before them, so that the number of threads changes nothing.
+  /// Cuts pieces until no bound exceeds the goal. They queue, and are cut in batches with the goal as it was before: so the number
+  /// of threads changes nothing. (First come, first served: the best first would save nothing, for the sampling of integrate()
+  /// has the lower bound close to its end, and with it the pieces that must be cut.)
   void enclose() {
-    std::vector<DistancePiece> pieces;  // those of the heap, and free places
-    std::vector<std::size_t> free_places;
-    std::vector<std::size_t> heap;
-    const auto lower_bound = [&pieces](std::size_t a, std::size_t b) {
-      return pieces[a].upper != pieces[b].upper ? pieces[a].upper < pieces[b].upper : a > b;
-    };
-    double settled = 0;  // the highest bound of the pieces given up
+    std::deque<DistancePiece> queue;
+    double settled = 0;  // the highest bound of the pieces that need no cut
     const auto keep = [&](const DistancePiece& piece) {
-      if (piece.upper <= goal()) {
+      if (piece.upper > goal()) {
+        queue.push_back(piece);
+      } else {
         settled = std::max(settled, piece.upper);
-        return;
       }
-      if (free_places.empty()) {
-        free_places.push_back(pieces.size());
-        pieces.emplace_back();
-      }
-      pieces[free_places.back()] = piece;
-      heap.push_back(free_places.back());
-      free_places.pop_back();
-      std::push_heap(heap.begin(), heap.end(), lower_bound);
     };
-    for_whole_facets(keep);
-
-    constexpr std::size_t kBatch = 512;
-    std::vector<DistancePiece> batch;
+    for (Index f = 0; f < from_.num_facets(); ++f) {
+      DistancePiece piece;
+      piece.facet = f;
+      piece.corners = facet_corners(f);
+      piece.upper = upper_[detail::slot(f)];
+      bound(piece);
+      keep(piece);
+    }
+    constexpr std::size_t kBatch = 512, kGrain = 64;
     std::vector<CutPiece> cut(kBatch);
-    for (std::int64_t cuts = 0; cuts < options_.max_cuts && !heap.empty() && pieces[heap.front()].upper > goal();) {
-      batch.clear();
-      while (batch.size() < kBatch && !heap.empty() && pieces[heap.front()].upper > goal()) {
-        std::pop_heap(heap.begin(), heap.end(), lower_bound);
-        batch.push_back(pieces[heap.back()]);
-        free_places.push_back(heap.back());
-        heap.pop_back();
-      }
-      constexpr std::size_t kGrain = 64;
-      parallel_for(batch.size(), kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) cut[i] = cut_piece(batch[i]);
+    for (std::int64_t left = options_.max_cuts; left > 0 && !queue.empty();) {
+      const std::size_t n = std::min({kBatch, queue.size(), static_cast<std::size_t>(left)});
+      parallel_for(n, kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) cut[i] = cut_piece(queue[i]);
       });
-      for (std::size_t i = 0; i < batch.size(); ++i) {
-        for (const DistancePoint& p : cut[i].made) farthest_.offer(p, batch[i].facet);
-      }
-      for (std::size_t i = 0; i < batch.size(); ++i) {
-        for (int k = 0; k < cut[i].count; ++k) keep(cut[i].parts[static_cast<std::size_t>(k)]);
-      }
-      cuts += static_cast<std::int64_t>(batch.size());
-    }
-    if (!heap.empty()) settled = std::max(settled, pieces[heap.front()].upper);
-    result_.hausdorff = std::max(settled, farthest_.point.distance);
-  }
-
-  template <class Keep>
-  void for_whole_facets(const Keep& keep) {
-    constexpr std::size_t kSection = 1 << 16;  // bounds the memory of pieces that are given up at once
-    const auto facets = static_cast<std::size_t>(from_.num_facets());
-    std::vector<DistancePiece> section;
-    for (std::size_t first = 0; first < facets; first += kSection) {
-      section.resize(std::min(kSection, facets - first));
-      constexpr std::size_t kGrain = 1024;
-      parallel_for(section.size(), kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) {
-          const auto f = static_cast<Index>(first + i);
-          section[i] = DistancePiece();
-          section[i].facet = f;
-          section[i].upper = upper_[first + i];
-          section[i].corners = {corner(f, 0), corner(f, 1), corner(f, 2)};
-          bound(section[i]);
+      queue.erase(queue.begin(), queue.begin() + static_cast<std::ptrdiff_t>(n));
+      for (std::size_t i = 0; i < n; ++i) {
+        for (const DistancePiece& part : cut[i].parts) {
+          for (const DistancePoint& p : part.corners) farthest_.offer(p, part.facet);
         }
-      });
-      for (const DistancePiece& piece : section) keep(piece);
+      }
+      for (std::size_t i = 0; i < n; ++i) {
+        for (std::size_t k = 0; k < cut[i].count; ++k) keep(cut[i].parts[k]);
+      }
+      left -= static_cast<std::int64_t>(n);
     }
-  }
-
-  std::array<Vec3, 3> positions(const DistancePiece& piece) const {
-    const auto at = [&](std::size_t k) { return position(piece.facet, piece.corners[k].barycentric); };
-    return {at(0), at(1), at(2)};
-  }
-
-  static double greatest_of(const std::array<DistancePoint, 3>& p) {
-    return std::max({p[0].distance, p[1].distance, p[2].distance});
+    for (const DistancePiece& piece : queue) settled = std::max(settled, piece.upper);
+    result_.hausdorff = std::max(settled, farthest_.point.distance);
   }
 
   /// Lowers piece.upper as far as is worth it: to the goal.
@@ -319,19 +274,19 @@ class OneSidedMeasure {
   /// distance to one facet of `to`, a convex set, is a convex function: at most that of the farthest corner.
   void bound(DistancePiece& piece) const {
     if (piece.upper <= goal()) return;
-    const std::array<Vec3, 3> x = positions(piece);
-    const std::array<DistancePoint, 3>& p = piece.corners;
+    const std::array<Vec3, 3> x = positions(piece.facet, piece.corners);
+    const DistanceCorners& p = piece.corners;
     piece.upper = std::min(piece.upper, greatest_of(p) + covering_radius(x[0], x[1], x[2]));
     if (piece.upper <= goal()) return;
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < 3; ++k) {
       const Index facet = p[k].nearest;
       if ((k > 0 && facet == p[0].nearest) || (k > 1 && facet == p[1].nearest)) continue;
-      double greatest = 0;
+      double greatest = -1;
       int worst = 0;
       for (std::size_t j = 0; j < 3 && greatest < least; ++j) {
         const double d = p[j].nearest == facet ? p[j].distance : tree_.nearest_on_facet(x[j], facet).distance;
-        if (d > greatest || j == 0) {
+        if (d > greatest) {
           greatest = d;
           worst = static_cast<int>(j);
         }
@@ -347,25 +302,41 @@ class OneSidedMeasure {
 
   struct CutPiece {
     std::array<DistancePiece, 3> parts;
-    int count = 0;
-    std::array<DistancePoint, 2> made;  ///< new corners, the second perhaps equal to the first
+    std::size_t count = 0;
+    void add(const DistancePiece& piece, const DistanceCorners& corners) {
+      parts[count] = piece;
+      parts[count++].corners = corners;
+    }
   };
 
+  /// The piece in parts, with their bounds; the piece itself if it needs no cut any more.
   CutPiece cut_piece(const DistancePiece& piece) const {
-    // A piece much larger than the facet under it would lose a bit of itself to a cut along the facet's border; and as cuts
-    // along borders may follow one another without end, every now and then the piece is halved, which settles it in the end:
-    // small pieces are within the tolerance.
+    CutPiece cut;
+    if (piece.upper <= goal()) {
+      cut.add(piece, piece.corners);
+      return cut;
+    }
+    // A piece much larger than the facet under it would lose only a bit of itself to a cut along the facet's border. And cuts
+    // along borders might follow one another without end, so now and then the piece is halved: small pieces are settled.
     constexpr double kTooLarge = 2;
     constexpr int kBorderCuts = 5;
-    const std::array<Vec3, 3> x = positions(piece);
+    const std::array<Vec3, 3> x = positions(piece.facet, piece.corners);
+    const LongestSide longest(x);
     std::array<double, 3> side{};
-    // Quarters that would be near enough to their corners are cheaper than any other cut.
-    const bool small = greatest_of(piece.corners) + covering_radius(x[0], x[1], x[2]) / 2 <= goal();
-    if (!small && piece.border_cuts < kBorderCuts && longest_edge(x) <= kTooLarge * longest_edge(corners_of(to_, piece.over)) &&
+    if (piece.border_cuts < kBorderCuts && longest.length <= kTooLarge * LongestSide(corners_of(to_, piece.over)).length &&
         border_sides(piece, x, side)) {
-      return cut_in_three(piece, x, side);
+      cut_along_border(piece, x, side, cut);
+    } else {
+      const DistancePoint &a = piece.corners[longest.k], &b = piece.corners[(longest.k + 1) % 3], &c = piece.corners[(longest.k + 2) % 3];
+      const DistancePoint middle = measure(piece.facet, (a.barycentric + b.barycentric) / 2, a.nearest);
+      cut.add(piece, {a, middle, c});
+      cut.add(piece, {middle, b, c});
     }
-    return halve(piece, x);
+    for (std::size_t k = 0; k < cut.count; ++k) {
+      cut.parts[k].border_cuts = cut.count == 3 ? piece.border_cuts + 1 : 0;
+      bound(cut.parts[k]);
+    }
+    return cut;
   }
 
   /// On which side of the nearest border of the facet under the piece its corners lie: of the plane through the edge that the
@@ -397,57 +368,29 @@ class OneSidedMeasure {
     return std::min(-least, greatest) > kSmallestPart * (greatest - least);
   }
 
-  DistancePoint between(const DistancePiece& piece, std::size_t i, std::size_t j, double t) const {
-    const Vec3 barycentric = (1 - t) * piece.corners[i].barycentric + t * piece.corners[j].barycentric;
-    return measure(piece.facet, barycentric, piece.corners[t < 0.5 ? i : j].nearest);
-  }
-
-  void add_part(CutPiece& cut, const DistancePiece& piece, const DistancePoint& a, const DistancePoint& b, const DistancePoint& c,
-                int border_cuts) const {
-    DistancePiece& part = cut.parts[static_cast<std::size_t>(cut.count++)];
-    part = piece;
-    part.corners = {a, b, c};
-    part.border_cuts = border_cuts;
-    bound(part);
-  }
-
-  /// Along a plane with at least one corner on either side: one corner is parted from the other two.
-  CutPiece cut_in_three(const DistancePiece& piece, const std::array<Vec3, 3>& x, const std::array<double, 3>& side) const {
+  /// In three, one corner parted from the other two by a plane they are on either `side` of.
+  void cut_along_border(const DistancePiece& piece, const std::array<Vec3, 3>& x, const std::array<double, 3>& side, CutPiece& cut) const {
     std::size_t alone = 0;
     for (std::size_t k = 0; k < 3; ++k) {
       if ((side[k] > 0) != (side[(k + 1) % 3] > 0) && (side[k] > 0) != (side[(k + 2) % 3] > 0)) alone = k;
     }
     const std::size_t left = (alone + 1) % 3, right = (alone + 2) % 3;
-    const double to_left = side[alone] / (side[alone] - side[left]), to_right = side[alone] / (side[alone] - side[right]);
-    const DistancePoint on_left = between(piece, alone, left, to_left), on_right = between(piece, alone, right, to_right);
-    CutPiece cut;
-    cut.made = {on_left, on_right};
-    const int cuts = piece.border_cuts + 1;
+    const auto crossing = [&](std::size_t other) {
+      const DistancePoint &a = piece.corners[alone], &b = piece.corners[other];
+      const double t = side[alone] / (side[alone] - side[other]);
+      return measure(piece.facet, (1 - t) * a.barycentric + t * b.barycentric, t < 0.5 ? a.nearest : b.nearest);
+    };
+    const DistancePoint on_left = crossing(left), on_right = crossing(right);
     const DistancePoint &l = piece.corners[left], &r = piece.corners[right];
-    add_part(cut, piece, piece.corners[alone], on_left, on_right, cuts);
-    const Vec3 at_left = x[alone] + to_left * (x[left] - x[alone]), at_right = x[alone] + to_right * (x[right] - x[alone]);
+    cut.add(piece, {piece.corners[alone], on_left, on_right});
+    const Vec3 at_left = position(piece.facet, on_left.barycentric), at_right = position(piece.facet, on_right.barycentric);
     if ((at_left - x[right]).squaredNorm() < (at_right - x[left]).squaredNorm()) {  // the shorter diagonal
-      add_part(cut, piece, on_left, l, r, cuts);
-      add_part(cut, piece, on_left, r, on_right, cuts);
+      cut.add(piece, {on_left, l, r});
+      cut.add(piece, {on_left, r, on_right});
     } else {
-      add_part(cut, piece, on_left, l, on_right, cuts);
-      add_part(cut, piece, on_right, l, r, cuts);
+      cut.add(piece, {on_left, l, on_right});
+      cut.add(piece, {on_right, l, r});
     }
-    return cut;
-  }
-
-  CutPiece halve(const DistancePiece& piece, const std::array<Vec3, 3>& x) const {
-    std::size_t longest = 0;
-    for (std::size_t k = 1; k < 3; ++k) {
-      if ((x[(k + 1) % 3] - x[k]).squaredNorm() > (x[(longest + 1) % 3] - x[longest]).squaredNorm()) longest = k;
-    }
-    const std::size_t a = longest, b = (longest + 1) % 3, c = (longest + 2) % 3;
-    const DistancePoint middle = between(piece, a, b, 0.5);
-    CutPiece cut;
-    cut.made = {middle, middle};
-    add_part(cut, piece, piece.corners[a], middle, piece.corners[c], 0);
-    add_part(cut, piece, middle, piece.corners[b], piece.corners[c], 0);
-    return cut;
   }
 
   MeshView from_, to_;
@@ -465,17 +408,17 @@ void require_distance_options(const DistanceOptions& options) {
     throw Error(ErrorCode::kInvalidArgument, "surface distance: the tolerance, in diagonals of the bounding box, is " +
                                                  std::to_string(options.tolerance) + "; give one in [1e-12, 1]");
   }
-  if (!(options.spacing > 0)) {
+  if (!(options.spacing >= 1e-6 && options.spacing <= 1)) {
     throw Error(ErrorCode::kInvalidArgument, "surface distance: the spacing, in diagonals of the bounding box, is " +
-                                                 std::to_string(options.spacing) + "; give one above 0");
+                                                 std::to_string(options.spacing) + "; give one in [1e-6, 1]");
   }
   if (options.max_cuts < 0) {
     throw Error(ErrorCode::kInvalidArgument, "surface distance: max_cuts is negative; give 0 or more");
   }
 }
 
-/// Both meshes times one power of two that brings their coordinates below 1: no square overflows or is lost, and results at any
-/// scale are the same bits.
+/// Both meshes without isolated vertices, times one power of two that brings their coordinates below 1: no square overflows or is
+/// lost, and results at any such scale are the same bits.
 struct ScaledMeshes {
   double scale;
   Mesh first, second;
@@ -483,11 +426,13 @@ struct ScaledMeshes {
   ScaledMeshes(const MeshView& a, const MeshView& b) {
     require_usable(a);
     require_usable(b);
+    first = remove_isolated_vertices(a);
+    second = remove_isolated_vertices(b);
     int exponent = 0;
-    std::frexp(std::max(a.vertices.cwiseAbs().maxCoeff(), b.vertices.cwiseAbs().maxCoeff()), &exponent);
+    std::frexp(std::max(first.vertices.cwiseAbs().maxCoeff(), second.vertices.cwiseAbs().maxCoeff()), &exponent);
     scale = std::ldexp(1.0, -std::clamp(exponent, -1022, 1022));
-    first = {a.vertices * scale, a.triangles};
-    second = {b.vertices * scale, b.triangles};
+    first.vertices *= scale;
+    second.vertices *= scale;
   }
 
   void unscale(OneSidedDistance& d) const {

@@ -25,11 +25,11 @@ namespace amps {
 struct DistanceOptions {
   /// Bounds of the Hausdorff distance are at most this far apart, in diagonals of the first mesh's bounding box; in [1e-12, 1].
   double tolerance = 1e-4;
-  /// Longest edge of the triangles of the quadrature, in diagonals, > 0. Facets that are smaller stay whole. The number of
-  /// points is about 3 (area / spacing²), or 1.5 #F if that is more.
+  /// Longest edge of the triangles of the quadrature, in diagonals of the first mesh's bounding box; in [1e-6, 1]. Smaller facets
+  /// stay whole, others are halved until they are small enough. It takes about 10 area/spacing² points, and one a facet at least.
   double spacing = 0.01;
   /// Cuts to spend in each direction on the tolerance; spent, the bounds stay valid but farther apart than asked for. A cut costs
-  /// one or two searches; about 200 bytes each are kept at worst.
+  /// one or two searches; about 400 bytes each are kept at worst.
   std::int64_t max_cuts = 10'000'000;
   /// On up to this many threads (0: one per core), with the same result for any number.
   unsigned threads = 1;
@@ -60,10 +60,10 @@ struct DistanceReport {
   double percent(double distance) const { return 100 * distance / diagonal; }
 };
 
-/// The distance between two surfaces, as sets of points: orientation and connectivity play no part, isolated vertices and facets
-/// without area count for nothing but the Hausdorff distance, and for that only if a facet uses them. Bounds hold to rounding, 1e-14 diagonals.
-/// Throws Error(kInvalidMesh) for a mesh that is not usable (require_usable), Error(kInvalidArgument) for options out of range,
-/// Error(kTooLarge) for a spacing that would need more than 2^40 points. O(n log n) expected for n facets and points. Thread-safe.
+/// The distance between two surfaces, as sets of points: orientation and connectivity play no part, isolated vertices none at all,
+/// and facets without area are curves or points, which count in the Hausdorff distance only. Bounds hold to rounding, 1e-14 of the
+/// greatest coordinate. Throws Error(kInvalidMesh) for a mesh that is not usable (require_usable), Error(kInvalidArgument) for options
+/// out of range. O(n log n) expected for n facets and points. Thread-safe.
 DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options = {});
 
 /// One direction alone: distances of the points of `from` to `to`; tolerance and spacing relative to the diagonal of `from`.

@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
+#include <limits>
 #include <string>
 
 namespace amps {
@@ -241,8 +241,9 @@ class TreeBuilder {
     for (std::size_t i = range.begin; i < range.end; ++i) centroids.add(items_[i].centroid);
     int axis = 0;
     const double extent = (centroids.max - centroids.min).maxCoeff(&axis);
-    // Splitting by area may peel off a few facets at a time; past this depth halves keep the tree, and the stacks, shallow.
-    if (!(extent > 0) || depth > kMaxUnbalancedDepth) return split_in_half(range, axis);
+    // Splitting by area may peel off a few facets at a time; past this depth halves keep the tree, and the stacks, shallow. Of
+    // a tiny extent the bins' number to a unit would overflow.
+    if (!(extent > kTinyExtent) || depth > kMaxUnbalancedDepth) return split_in_half(range, axis);
 
     const double low = centroids.min[axis], to_bin = kBins / extent;
     const auto bin_of = [&](const BuildItem& item) {
@@ -295,6 +296,7 @@ class TreeBuilder {
 
   static constexpr std::size_t kBins = 16;
   static constexpr int kMaxUnbalancedDepth = 40;
+  static constexpr double kTinyExtent = 1e-300;
   std::vector<BuildItem>& items_;
   std::vector<TreeNode>& nodes_;
 };
@@ -303,26 +305,17 @@ class TreeBuilder {
 // parts is halved until there are four, so a level leaves at most ⌈n/2⌉ of n items in a part, and 2^31 are used up in 32.
 constexpr std::size_t kStackSize = 3 * (41 + 32) + 1;
 
+/// Unlike require_usable(): without area is fine, and of vertices only those of facets matter.
 void require_tree_mesh(const MeshView& mesh) {
-  constexpr Eigen::Index limit = std::numeric_limits<Index>::max();
-  if (mesh.vertices.rows() > limit || mesh.triangles.rows() > limit) {
-    throw Error(ErrorCode::kTooLarge, "surface tree: more than 2^31 - 1 vertices or facets; cut the mesh into parts");
-  }
-  if (mesh.num_facets() == 0) {
+  if (mesh.triangles.rows() == 0) {
     throw Error(ErrorCode::kInvalidMesh, "surface tree: the mesh has no facet; give a surface, or use KdTree for points");
   }
+  bounding_box(mesh);  // throws for counts and indices out of range
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     for (int k = 0; k < 3; ++k) {
-      const Index v = mesh.triangles(f, k);
-      if (v < 0 || v >= mesh.num_vertices()) {
-        throw Error(ErrorCode::kInvalidMesh, "surface tree: facet " + std::to_string(f) + " has a corner that is not one of the " +
-                                                 std::to_string(mesh.num_vertices()) +
-                                                 " vertices (0-based); remove it or correct its indices");
-      }
-      if (!mesh.corner(f, k).allFinite()) {
-        throw Error(ErrorCode::kInvalidMesh, "surface tree: vertex " + std::to_string(v) +
-                                                 " (0-based) has a coordinate that is NaN or infinite; remove or correct it");
-      }
+      if (mesh.corner(f, k).allFinite()) continue;
+      throw Error(ErrorCode::kInvalidMesh, "surface tree: vertex " + std::to_string(mesh.triangles(f, k)) +
+                                               " (0-based) has a coordinate that is NaN or infinite; remove or correct it");
     }
   }
 }
