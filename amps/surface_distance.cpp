@@ -64,14 +64,16 @@ double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
   return std::min(length / 2, from_p > from_q ? from_p : from_q);
 }
 
-/// The side k, from corner k to the next, that is longest; of equal ones the first.
+/// The side k, from corner k to the next, that is longest; of sides equal to rounding the first, so that a surface is cut alike at
+/// any scale and place.
 struct LongestSide {
   std::size_t k = 0;
   double length = 0;
   explicit LongestSide(const std::array<Vec3, 3>& x) {
+    constexpr double kLonger = 1 + 1e-9;
     for (std::size_t i = 0; i < 3; ++i) {
       const double l = (x[(i + 1) % 3] - x[i]).norm();
-      if (l > length) {
+      if (l > kLonger * length) {
         length = l;
         k = i;
       }

@@ -23,8 +23,9 @@
 namespace amps {
 
 struct DistanceOptions {
-  /// Bounds of the Hausdorff distance are at most this far apart, in diagonals of the first mesh's bounding box; in [1e-12, 1].
-  double tolerance = 1e-4;
+  /// Bounds of the Hausdorff distance are at most this far apart, in diagonals of the first mesh's bounding box; in [1e-12, 1]. Cuts
+  /// are few, so a looser one saves next to nothing.
+  double tolerance = 1e-6;
   /// Longest edge of the triangles of the quadrature, in diagonals of the first mesh's bounding box; in [1e-6, 1]. Smaller facets
   /// stay whole, others are halved until they are small enough. It takes about 10 area/spacing² points, and one a facet at least.
   double spacing = 0.01;
