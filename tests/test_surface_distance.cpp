@@ -8,6 +8,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -66,9 +67,9 @@ Mesh with_facet(const Mesh& mesh, const Vec3& a, const Vec3& b, const Vec3& c) {
 }
 
 /// One direction is what it says: the bounds are no farther apart than `gap`, the lower one is the distance of a point of `from`, and
-/// none of many points of `from`, spread and at random, is beyond the upper one. Mean and rms are those of the random points,
-/// within five standard errors and the error told.
-void check_direction(const Mesh& from, const Mesh& to, const OneSidedDistance& d, double gap, Rng& rng) {
+/// none of many points of `from`, spread and at random, is beyond the upper one. Mean and rms, if taken at enough points for an
+/// estimate of their error, are those of the random points, within five standard errors and the error told.
+void check_direction(const Mesh& from, const Mesh& to, const OneSidedDistance& d, double gap, Rng& rng, bool means = true) {
   constexpr double kRounding = 1e-10;  // slivers, see SurfaceTree
   CHECK(d.hausdorff_lower <= d.hausdorff);
   CHECK(d.hausdorff - d.hausdorff_lower <= gap);
@@ -102,6 +103,7 @@ void check_direction(const Mesh& from, const Mesh& to, const OneSidedDistance& d
     }
   }
   CHECK(beyond <= kRounding);
+  if (!means) return;
   CHECK(std::abs(mean - d.mean) <= 5 * std::sqrt(square / kPoints) + d.mean_error + kRounding);
   CHECK(std::abs(square - d.rms * d.rms) <= 5 * std::sqrt(fourth / kPoints) + 2 * d.rms * d.rms_error + kRounding);
 }
@@ -248,6 +250,66 @@ TEST_CASE("surface_distance: bounds, means and the farthest point, against plain
   CHECK(stopped.forward.hausdorff - stopped.forward.hausdorff_lower > 1e-3 * stopped.diagonal);
   options.max_cuts = 0;
   check_both(amps::make_cube(), two, options, rng);
+}
+
+TEST_CASE("surface_distance: the same from few points to begin with, where the cuts do all the work") {
+  Rng rng(2);
+  DistanceOptions options;
+  options.spacing = 1;
+  for (int trial = 0; trial < 10; ++trial) {
+    Mesh rough = shaken(amps::make_square(3), 0.15, rng);
+    rough.vertices = 1.4 * rough.vertices;
+    rough.vertices.leftCols(2).array() -= 0.2;
+    const OneSidedDistance d = one_sided_distance(amps::make_square(), rough, options);
+    check_direction(amps::make_square(), rough, d, 1e-6 * std::sqrt(2) * (1 + 1e-9), rng, false);
+  }
+}
+
+TEST_CASE("surface_distance: bounds hold without any cut, on triangles of all shapes, where they are tightest") {
+  // The other surface is next to nothing but the points where distance is measured: corners and centroid.
+  Rng rng(5);
+  DistanceOptions options;
+  options.spacing = 1;
+  options.max_cuts = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    const Vec3 a = amps_test::random_point(rng), b = amps_test::random_point(rng);
+    const Vec3 c = trial % 3 == 0 ? Vec3((a + b) / 2 + 0.1 * amps_test::random_point(rng)) : amps_test::random_point(rng);
+    const Mesh triangle = amps_test::soup_mesh({{a, b, c}});
+    std::vector<std::array<Vec3, 3>> dots;
+    for (const Vec3& x : {a, b, c, Vec3((a + b + c) / 3)}) dots.push_back({x, x + 1e-9 * Vec3::UnitX(), x + 1e-9 * Vec3::UnitY()});
+    const Mesh points = amps_test::soup_mesh(dots);
+    const OneSidedDistance d = one_sided_distance(triangle, points, options);
+    double farthest = 0;
+    constexpr int kSteps = 60;
+    for (int i = 0; i <= kSteps; ++i) {
+      for (int j = 0; i + j <= kSteps; ++j) {
+        const Vec3 x = a + i / double(kSteps) * (b - a) + j / double(kSteps) * (c - a);
+        farthest = std::max(farthest, static_cast<double>(brute_distance(points, x)));
+      }
+    }
+    CHECK(farthest <= d.hausdorff * (1 + 1e-12));
+    CHECK(d.hausdorff <= 1.1 * farthest);
+  }
+}
+
+TEST_CASE("surface_distance: the quadrature is far better than the error it tells, where distance is smooth") {
+  const Mesh point = amps_test::soup_mesh({{Vec3(0, 0, 1), Vec3(1e-12, 0, 1), Vec3(0, 1e-12, 1)}});
+  DistanceOptions options;
+  options.spacing = 0.1;
+  const OneSidedDistance d = one_sided_distance(amps::make_square(3), point, options);
+  double mean = 0, square = 0;
+  constexpr int kCells = 1000;
+  for (int i = 0; i < kCells; ++i) {
+    for (int j = 0; j < kCells; ++j) {
+      const double x = (i + 0.5) / kCells, y = (j + 0.5) / kCells;
+      const double d2 = x * x + y * y + 1;
+      mean += std::sqrt(d2) / (kCells * kCells);
+      square += d2 / (kCells * kCells);
+    }
+  }
+  CHECK(std::abs(d.mean - mean) < 0.02 * d.mean_error);
+  CHECK(std::abs(d.rms - std::sqrt(square)) < 0.02 * d.rms_error);
+  CHECK(d.mean_error < 2e-3);
 }
 
 TEST_CASE("surface_distance: part of a surface is on it, not the other way round") {
