@@ -43,14 +43,14 @@ struct DistancePiece {
   Index facet = kNone;
   DistanceCorners corners;
   double upper = std::numeric_limits<double>::infinity();  ///< none of its points is farther than this
-  Index over = kNone;    ///< the facet of `to` with the least greatest distance to the corners, which …
-  int worst = 0;         ///< … this corner has
-  int border_cuts = 0;   ///< since the last halving
+  Index over = kNone;   ///< the facet of `to` with the least greatest distance to the corners, which …
+  int worst = 0;        ///< … this corner has
+  int border_cuts = 0;  ///< since the last halving
 };
 
-/// The greatest distance that a point of a triangle has to its nearest corner. A triangle that is not obtuse has it at its circumcentre;
-/// in an obtuse one the bisectors of the two short sides meet the longest side before they meet each other, and it is there.
-/// Never less than the truth by more than rounding.
+/// The greatest distance that a point of a triangle has to its nearest corner. A triangle that is not obtuse has it at its
+/// circumcentre; in an obtuse one the bisectors of the two short sides meet the longest side before they meet each other, and
+/// it is there. Never less than the truth by more than rounding.
 double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
   std::array<double, 3> squares = {(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()};
   std::sort(squares.begin(), squares.end());
@@ -64,8 +64,8 @@ double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
   return std::min(length / 2, from_p > from_q ? from_p : from_q);
 }
 
-/// The side k, from corner k to the next, that is longest; of sides equal to rounding the first, so that a surface is cut alike at
-/// any scale and place.
+/// The side k, from corner k to the next, that is longest; of sides equal to rounding the first, so that a surface is cut alike
+/// at any scale and place.
 struct LongestSide {
   std::size_t k = 0;
   double length = 0;
@@ -90,8 +90,14 @@ double greatest_of(const DistanceCorners& p) { return std::max({p[0].distance, p
 /// One direction: vertices first, then the integrals, then cuts where these leave the greatest distance uncertain.
 class OneSidedMeasure {
  public:
-  OneSidedMeasure(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double diagonal, const DistanceOptions& options)
-      : from_(from), to_(to), tree_(tree), tolerance_(options.tolerance * diagonal), spacing_(options.spacing * diagonal), options_(options) {}
+  OneSidedMeasure(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double diagonal,
+                  const DistanceOptions& options)
+      : from_(from),
+        to_(to),
+        tree_(tree),
+        tolerance_(options.tolerance * diagonal),
+        spacing_(options.spacing * diagonal),
+        options_(options) {}
 
   OneSidedDistance run() {
     measure_vertices();
@@ -105,7 +111,8 @@ class OneSidedMeasure {
 
  private:
   Vec3 position(Index facet, const Vec3& barycentric) const {
-    return barycentric[0] * from_.corner(facet, 0) + barycentric[1] * from_.corner(facet, 1) + barycentric[2] * from_.corner(facet, 2);
+    return barycentric[0] * from_.corner(facet, 0) + barycentric[1] * from_.corner(facet, 1) +
+           barycentric[2] * from_.corner(facet, 2);
   }
 
   std::array<Vec3, 3> positions(Index facet, const DistanceCorners& p) const {
@@ -227,9 +234,9 @@ class OneSidedMeasure {
   /// Pieces whose bound is at most this need no cut.
   double goal() const { return farthest_.point.distance + tolerance_; }
 
-  /// Cuts pieces until no bound exceeds the goal. They queue, and are cut in batches with the goal as it was before: so the number
-  /// of threads changes nothing. (First come, first served: the best first would save nothing, for the sampling of integrate()
-  /// has the lower bound close to its end, and with it the pieces that must be cut.)
+  /// Cuts pieces until no bound exceeds the goal. They queue, and are cut in batches with the goal as it was before: so the
+  /// number of threads changes nothing. (First come, first served: the best first would save nothing, for the sampling of
+  /// integrate() has the lower bound close to its end, and with it the pieces that must be cut.)
   void enclose() {
     std::deque<DistancePiece> queue;
     double settled = 0;  // the highest bound of the pieces that need no cut
@@ -329,7 +336,8 @@ class OneSidedMeasure {
         border_sides(piece, x, side)) {
       cut_along_border(piece, x, side, cut);
     } else {
-      const DistancePoint &a = piece.corners[longest.k], &b = piece.corners[(longest.k + 1) % 3], &c = piece.corners[(longest.k + 2) % 3];
+      const DistancePoint &a = piece.corners[longest.k], &b = piece.corners[(longest.k + 1) % 3],
+                          &c = piece.corners[(longest.k + 2) % 3];
       const DistancePoint middle = measure(piece.facet, (a.barycentric + b.barycentric) / 2, a.nearest);
       cut.add(piece, {a, middle, c});
       cut.add(piece, {middle, b, c});
@@ -371,7 +379,8 @@ class OneSidedMeasure {
   }
 
   /// In three, one corner parted from the other two by a plane they are on either `side` of.
-  void cut_along_border(const DistancePiece& piece, const std::array<Vec3, 3>& x, const std::array<double, 3>& side, CutPiece& cut) const {
+  void cut_along_border(const DistancePiece& piece, const std::array<Vec3, 3>& x, const std::array<double, 3>& side,
+                        CutPiece& cut) const {
     std::size_t alone = 0;
     for (std::size_t k = 0; k < 3; ++k) {
       if ((side[k] > 0) != (side[(k + 1) % 3] > 0) && (side[k] > 0) != (side[(k + 2) % 3] > 0)) alone = k;
@@ -419,8 +428,8 @@ void require_distance_options(const DistanceOptions& options) {
   }
 }
 
-/// Both meshes without isolated vertices, times one power of two that brings their coordinates below 1: no square overflows or is
-/// lost, and results at any such scale are the same bits.
+/// Both meshes without isolated vertices, times one power of two that brings their coordinates below 1: no square overflows or
+/// is lost, and results at any such scale are the same bits.
 struct ScaledMeshes {
   double scale;
   Mesh first, second;
@@ -450,10 +459,8 @@ DistanceReport surface_distance(const MeshView& first, const MeshView& second, c
   const ScaledMeshes meshes(first, second);
   DistanceReport report;
   report.diagonal = bounding_box(meshes.first).diagonal();
-  report.forward =
-      OneSidedMeasure(meshes.first, meshes.second, SurfaceTree(meshes.second), report.diagonal, options).run();
-  report.backward =
-      OneSidedMeasure(meshes.second, meshes.first, SurfaceTree(meshes.first), report.diagonal, options).run();
+  report.forward = OneSidedMeasure(meshes.first, meshes.second, SurfaceTree(meshes.second), report.diagonal, options).run();
+  report.backward = OneSidedMeasure(meshes.second, meshes.first, SurfaceTree(meshes.first), report.diagonal, options).run();
   meshes.unscale(report.forward);
   meshes.unscale(report.backward);
   report.diagonal /= meshes.scale;
@@ -481,8 +488,8 @@ std::ostream& operator<<(std::ostream& out, const DistanceReport& report) {
   row("\nRMS       ", report.rms());
   row("\nmean      ", report.mean());
   for (const OneSidedDistance* side : {&report.forward, &report.backward}) {
-    text << (side == &report.forward ? "\nforward   " : "\nbackward  ") << "Hausdorff " << side->hausdorff << ", RMS " << side->rms
-         << ", mean " << side->mean;
+    text << (side == &report.forward ? "\nforward   " : "\nbackward  ") << "Hausdorff " << side->hausdorff << ", RMS "
+         << side->rms << ", mean " << side->mean;
   }
   text << "\n";
   return out << text.str();

@@ -12,9 +12,9 @@ namespace amps {
 namespace {
 
 // ---- The unit of the tree ----
-// Coordinates inside the tree are (x − centre)·scale with a power of two for scale, so that they lie in [−1, 1] ([−4, 4] at the end
-// of the range of doubles) and neither floats nor squares overflow. The centre is 0 unless the mesh is far from the origin compared
-// with its size: then the map is exact, and in the other case its rounding is that of the coordinates themselves.
+// Coordinates inside the tree are (x − centre)·scale with a power of two for scale, so that they lie in [−1, 1] ([−4, 4] at the
+// end of the range of doubles) and neither floats nor squares overflow. The centre is 0 unless the mesh is far from the origin
+// compared with its size: then the map is exact, and in the other case its rounding is that of the coordinates themselves.
 
 struct TreeUnit {
   Vec3 centre = Vec3::Zero();
@@ -44,7 +44,7 @@ TreeUnit tree_unit(const Box& box) {
 /// projection of x: rows of the pseudo-inverse of [b − a, c − a].
 struct TreeFacet {
   Vec3 a, ab, ac, to_b, to_c;
-  double rim;  ///< if the projection has a barycentric coordinate below this, look at the edges as well
+  double rim;  ///< if the projection has a barycentric coordinate at most this, look at that edge as well
   Index facet;
 };
 
@@ -61,7 +61,7 @@ TreeFacet tree_facet(const Vec3& a, const Vec3& b, const Vec3& c, Index facet) {
   TreeFacet t{a, b - a, c - a, Vec3::Zero(), Vec3::Zero(), kRim, facet};
   const Vec3 normal = t.ab.cross(t.ac);
   const double square = normal.squaredNorm();
-  if (!(square > kSliver * kSliver * t.ab.squaredNorm() * t.ac.squaredNorm())) t.rim = 2;  // always
+  if (!(square > kSliver * kSliver * t.ab.squaredNorm() * t.ac.squaredNorm())) t.rim = std::numeric_limits<double>::infinity();
   if (square > 0) {
     t.to_b = t.ac.cross(normal) / square;
     t.to_c = normal.cross(t.ab) / square;
@@ -94,18 +94,24 @@ FacetPoint nearest_on(const TreeFacet& t, const Vec3& query) {
       rest = x - b * t.ab - c * t.ac;
     }
     best = {rest.squaredNorm(), b, c};
-    if (b > t.rim && c > t.rim && 1 - b - c > t.rim) return best;
   }
+  // Outside, the nearest point is on an edge whose line parts the projection from the facet.
   const auto offer = [&best](double squared_distance, double at_b, double at_c) {
     if (squared_distance < best.squared_distance) best = {squared_distance, at_b, at_c};
   };
-  const double on_ab = nearest_on_segment(t.ab, x);
-  offer((x - on_ab * t.ab).squaredNorm(), on_ab, 0);
-  const double on_ac = nearest_on_segment(t.ac, x);
-  offer((x - on_ac * t.ac).squaredNorm(), 0, on_ac);
-  const Vec3 from_b = x - t.ab, bc = t.ac - t.ab;
-  const double on_bc = nearest_on_segment(bc, from_b);
-  offer((from_b - on_bc * bc).squaredNorm(), 1 - on_bc, on_bc);
+  if (!(c > t.rim)) {
+    const double at = nearest_on_segment(t.ab, x);
+    offer((x - at * t.ab).squaredNorm(), at, 0);
+  }
+  if (!(b > t.rim)) {
+    const double at = nearest_on_segment(t.ac, x);
+    offer((x - at * t.ac).squaredNorm(), 0, at);
+  }
+  if (!(1 - b - c > t.rim)) {
+    const Vec3 from_b = x - t.ab, bc = t.ac - t.ab;
+    const double at = nearest_on_segment(bc, from_b);
+    offer((from_b - at * bc).squaredNorm(), 1 - at, at);
+  }
   return best;
 }
 
@@ -280,8 +286,9 @@ class TreeBuilder {
     }
     if (best == 0) return split_in_half(range, axis);
     const auto first = items_.begin();
-    const auto middle = std::partition(first + static_cast<std::ptrdiff_t>(range.begin), first + static_cast<std::ptrdiff_t>(range.end),
-                                       [&](const BuildItem& item) { return bin_of(item) < best; });
+    const auto middle =
+        std::partition(first + static_cast<std::ptrdiff_t>(range.begin), first + static_cast<std::ptrdiff_t>(range.end),
+                       [&](const BuildItem& item) { return bin_of(item) < best; });
     return static_cast<std::size_t>(middle - first);
   }
 
@@ -368,10 +375,12 @@ struct SurfaceTree::Impl {
   }
 
   void offer(Index at, const Vec3& x, Best& best) const {
+    if (at == best.place) return;  // the hint
     const TreeFacet& t = facets[detail::slot(at)];
     const FacetPoint point = nearest_on(t, x);
     const double d = point.squared_distance;
-    if (d < best.point.squared_distance || (d == best.point.squared_distance && t.facet < best.facet)) best = {point, at, t.facet};
+    if (d < best.point.squared_distance || (d == best.point.squared_distance && t.facet < best.facet))
+      best = {point, at, t.facet};
   }
 
   /// Improves `best`. A facet exactly as far as the best so far is looked at, so the result depends on no order.
@@ -384,13 +393,15 @@ struct SurfaceTree::Impl {
     std::array<Visit, kStackSize> stack;  // NOLINT: filled as it grows
     std::size_t top = 0;
     stack[top++] = {0, 0};
-    float limit = round_up(best.point.squared_distance);
+    // Above the squared distance by more than the conversion's error, and quicker to have than the next float.
+    const auto limit_of = [](const Best& b) { return static_cast<float>(b.point.squared_distance * (1 + 0x1p-22) + 0x1p-126); };
+    float limit = limit_of(best);
     while (top > 0) {
       const Visit visit = stack[--top];
       if (visit.bound > limit) continue;
       if (visit.child < 0) {
         offer(~visit.child, x, best);
-        limit = round_up(best.point.squared_distance);
+        limit = limit_of(best);
         continue;
       }
       const TreeNode& node = nodes[detail::slot(visit.child)];
@@ -438,7 +449,8 @@ SurfaceHit SurfaceTree::nearest(const Vec3& query, Index hint) const {
 }
 
 SurfaceHit SurfaceTree::nearest_within(const Vec3& query, double radius) const {
-  if (!(radius >= 0)) throw Error(ErrorCode::kInvalidArgument, "surface tree: the radius is negative or NaN; give one that is 0 or more");
+  if (!(radius >= 0))
+    throw Error(ErrorCode::kInvalidArgument, "surface tree: the radius is negative or NaN; give one that is 0 or more");
   const Vec3 x = impl_->query_point(query);
   Impl::Best best;
   // Wider by more than the roundings of a distance, so that the comparison below decides and not the search.

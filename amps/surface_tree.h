@@ -7,8 +7,8 @@
 //
 // A bounding-volume hierarchy over the facets: four boxes a node (Dammertz, Hanika & Keller, "Shallow bounding volume
 // hierarchies", 2008), split where the surface-area heuristic with binned centroids is least (Wald, "On fast construction of
-// SAH-based bounding volume hierarchies", 2007), one facet a leaf. Boxes are floats, and every test of one errs towards visiting
-// it; distances are doubles. So the answer is that of a loop over all facets, bit for bit.
+// SAH-based bounding volume hierarchies", 2007), one facet a leaf. Boxes are floats, and every test of one errs towards
+// visiting it; distances are doubles. So the answer is that of a loop over all facets, bit for bit.
 #pragma once
 
 #include "amps/base.h"
@@ -55,7 +55,8 @@ class SurfaceTree {
   /// The nearest point of one facet.
   SurfaceHit nearest_on_facet(const Vec3& query, Index facet) const;
 
-  /// nearest() of every row, on up to `threads` threads (0: one per core); fast where rows that follow each other are near each other.
+  /// nearest() of every row, on up to `threads` threads (0: one per core); fast where rows that follow each other are near each
+  /// other.
   std::vector<SurfaceHit> nearest_all(const PointsView& queries, unsigned threads = 1) const;
 
  private:

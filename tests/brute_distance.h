@@ -1,5 +1,5 @@
-// brute_distance.h: the distance of a point to triangles, by plain geometry in long double over all of them: an oracle that shares
-// nothing with the library's tree. And soups that are hard on it.
+// brute_distance.h: the distance of a point to triangles, by plain geometry in long double over all of them: an oracle that
+// shares nothing with the library's tree. And soups that are hard on it.
 #pragma once
 
 #include "amps/mesh.h"
@@ -64,24 +64,38 @@ inline amps::Mesh soup_mesh(const std::vector<std::array<amps::Vec3, 3>>& facets
   return mesh;
 }
 
-/// `n` facets in and around the unit cube: plain, tiny, large, without area — a segment run through once or twice, a point —, some of
-/// them twice, and slivers of either kind if wanted.
+/// `n` facets in and around the unit cube: plain, tiny, large, without area — a segment run through once or twice, a point —,
+/// some of them twice, and slivers of either kind if wanted.
 inline amps::Mesh hard_soup(amps::Index n, amps::Rng& rng, bool slivers = true) {
   std::vector<std::array<amps::Vec3, 3>> facets;
   while (static_cast<amps::Index>(facets.size()) < n) {
-    const amps::Vec3 a = random_point(rng), u = random_point(rng) - random_point(rng), v = random_point(rng) - random_point(rng);
+    const amps::Vec3 a = random_point(rng), u = random_point(rng) - random_point(rng),
+                     v = random_point(rng) - random_point(rng);
     const double small = std::pow(10.0, -1 - 15 * rng.uniform());
     switch (rng.below(slivers ? 8 : 6)) {
-      case 0: facets.push_back({a, a + 0.2 * u, a + 0.2 * v}); break;
-      case 1: facets.push_back({a, a + small * u, a + small * v}); break;
-      case 2: facets.push_back({a, a + 2 * u, a + 2 * v}); break;
-      case 3: facets.push_back({a, a + u, a}); break;
-      case 4: facets.push_back({a, rng.below(2) == 0 ? a : amps::Vec3(a + 0.3 * u), a}); break;
+      case 0:
+        facets.push_back({a, a + 0.2 * u, a + 0.2 * v});
+        break;
+      case 1:
+        facets.push_back({a, a + small * u, a + small * v});
+        break;
+      case 2:
+        facets.push_back({a, a + 2 * u, a + 2 * v});
+        break;
+      case 3:
+        facets.push_back({a, a + u, a});
+        break;
+      case 4:
+        facets.push_back({a, rng.below(2) == 0 ? a : amps::Vec3(a + 0.3 * u), a});
+        break;
       case 5:
         if (!facets.empty()) facets.push_back(facets[rng.below(facets.size())]);
         break;
-      case 6: facets.push_back({a, a + u, a + small * v}); break;  // a needle
-      default: facets.push_back({a + u, a, a + rng.uniform() * u + small * v});  // a cap
+      case 6:
+        facets.push_back({a, a + u, a + small * v});
+        break;  // a needle
+      default:
+        facets.push_back({a + u, a, a + rng.uniform() * u + small * v});  // a cap
     }
   }
   return soup_mesh(facets);

@@ -1,4 +1,5 @@
-// Distances between surfaces, against closed forms, and against plain geometry in long double at many points (brute_distance.h).
+// Distances between surfaces, against closed forms, and against plain geometry in long double at many points
+// (brute_distance.h).
 #include "amps/surface_distance.h"
 
 #include "amps/shapes.h"
@@ -66,9 +67,9 @@ Mesh with_facet(const Mesh& mesh, const Vec3& a, const Vec3& b, const Vec3& c) {
   return more;
 }
 
-/// One direction is what it says: the bounds are no farther apart than `gap`, the lower one is the distance of a point of `from`, and
-/// none of many points of `from`, spread and at random, is beyond the upper one. Mean and rms, if taken at enough points for an
-/// estimate of their error, are those of the random points, within five standard errors and the error told.
+/// One direction is what it says: the bounds are no farther apart than `gap`, the lower one is the distance of a point of
+/// `from`, and none of many points of `from`, spread and at random, is beyond the upper one. Mean and rms, if taken at enough
+/// points for an estimate of their error, are those of the random points, within five standard errors and the error told.
 void check_direction(const Mesh& from, const Mesh& to, const OneSidedDistance& d, double gap, Rng& rng, bool means = true) {
   constexpr double kRounding = 1e-10;  // slivers, see SurfaceTree
   CHECK(d.hausdorff_lower <= d.hausdorff);
@@ -276,7 +277,8 @@ TEST_CASE("surface_distance: bounds hold without any cut, on triangles of all sh
     const Vec3 c = trial % 3 == 0 ? Vec3((a + b) / 2 + 0.1 * amps_test::random_point(rng)) : amps_test::random_point(rng);
     const Mesh triangle = amps_test::soup_mesh({{a, b, c}});
     std::vector<std::array<Vec3, 3>> dots;
-    for (const Vec3& x : {a, b, c, Vec3((a + b + c) / 3)}) dots.push_back({x, x + 1e-9 * Vec3::UnitX(), x + 1e-9 * Vec3::UnitY()});
+    for (const Vec3& x : {a, b, c, Vec3((a + b + c) / 3)})
+      dots.push_back({x, x + 1e-9 * Vec3::UnitX(), x + 1e-9 * Vec3::UnitY()});
     const Mesh points = amps_test::soup_mesh(dots);
     const OneSidedDistance d = one_sided_distance(triangle, points, options);
     double farthest = 0;

@@ -60,14 +60,18 @@ Vec3 some_query(const MeshView& mesh, Rng& rng) {
   const auto f = static_cast<Index>(rng.below(static_cast<std::uint64_t>(mesh.num_facets())));
   const int k = static_cast<int>(rng.below(3));
   switch (rng.below(6)) {
-    case 0: return mesh.corner(f, k);
-    case 1: return (mesh.corner(f, k) + mesh.corner(f, (k + 1) % 3)) / 2;
+    case 0:
+      return mesh.corner(f, k);
+    case 1:
+      return (mesh.corner(f, k) + mesh.corner(f, (k + 1) % 3)) / 2;
     case 2: {
       const Vec3 b = amps::uniform_barycentric(rng);
       return b[0] * mesh.corner(f, 0) + b[1] * mesh.corner(f, 1) + b[2] * mesh.corner(f, 2);
     }
-    case 3: return 100 * (random_point(rng) - random_point(rng));
-    default: return 3 * random_point(rng) - Vec3::Ones();
+    case 3:
+      return 100 * (random_point(rng) - random_point(rng));
+    default:
+      return 3 * random_point(rng) - Vec3::Ones();
   }
 }
 

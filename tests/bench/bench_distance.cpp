@@ -1,5 +1,6 @@
-// The distance between a mesh and what remeshing makes of it, amps beside CGAL in one run: Hausdorff to 1e-4 of the diagonal in both
-// directions (amps adds mean and root mean square, and bounds at 1e-6 cost it little more), and nearest points. The bunny is
+// The distance between a mesh and what remeshing makes of it, amps beside CGAL in one run: Hausdorff to 1e-4 of the diagonal in
+// both directions (amps adds mean and root mean square, and bounds at 1e-6 cost it little more), and nearest points. The bunny
+// is
 // ../shared/data/bunny_100kf_closed.obj (environment AMPS_TEST_DATA: another folder), a generated knot where there is none.
 //   amps_bench --benchmark_filter=distance
 #include "amps/remesh.h"
@@ -63,7 +64,12 @@ void nearest_amps(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(amps::SurfaceTree(c.mesh).nearest_all(c.queries));
 }
 
-BENCHMARK(distance_amps)->Name("distance/amps/hausdorff_and_rms")->ArgName("finer")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(distance_amps)
+    ->Name("distance/amps/hausdorff_and_rms")
+    ->ArgName("finer")
+    ->Arg(0)
+    ->Arg(1)
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK(nearest_amps)->Name("distance/amps/tree_and_nearest_points")->Unit(benchmark::kMillisecond);
 
 #ifdef AMPS_BENCH_CGAL
@@ -87,7 +93,8 @@ void distance_cgal(benchmark::State& state) {
   const double diagonal = amps::bounding_box(c.mesh).diagonal();
   double d = 0;
   for (auto _ : state) {
-    d = CGAL::Polygon_mesh_processing::bounded_error_symmetric_Hausdorff_distance<CGAL::Sequential_tag>(first, second, 1e-4 * diagonal);
+    d = CGAL::Polygon_mesh_processing::bounded_error_symmetric_Hausdorff_distance<CGAL::Sequential_tag>(first, second,
+                                                                                                        1e-4 * diagonal);
   }
   state.counters["hausdorff_%"] = 100 * d / diagonal;
 }
