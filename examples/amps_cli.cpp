@@ -928,9 +928,9 @@ const std::vector<Command>& commands() {
       {"info",
        "IN",
        "say what a mesh is like, and what is wrong with it",
-       "IN is a mesh (.obj .off .ply .stl). Beside a reference, such as the mesh IN was made from: how far the two surfaces are\n"
-       "apart. The Hausdorff distance is how far any point of either is from the other at most; the root mean square (RMS) and\n"
-       "mean distances are over each surface, and the greater of the two is given.",
+       "IN is a mesh (.obj .off .ply .stl). With a reference, such as the mesh IN was made from, also: how far the surfaces are\n"
+       "apart. No point of either is farther from the other than the Hausdorff distance; root mean square (RMS) and mean are\n"
+       "over each surface, and the greater of both directions is given.",
        {{"--reference", "FILE", "tell the distance to this mesh, too"}, kThreads, kJson},
        run_info},
       {"make",
