@@ -255,10 +255,11 @@ class OneSidedMeasure {
       bound(piece);
       keep(piece);
     }
-    constexpr std::size_t kBatch = 512, kGrain = 64;
-    std::vector<CutPiece> cut(kBatch);
+    constexpr std::size_t kBatch = 8192, kGrain = 64;  // few batches, as each starts its threads
+    std::vector<CutPiece> cut;
     for (std::int64_t left = options_.max_cuts; left > 0 && !queue.empty();) {
       const std::size_t n = std::min({kBatch, queue.size(), static_cast<std::size_t>(left)});
+      cut.resize(std::max(cut.size(), n));
       parallel_for(n, kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i) cut[i] = cut_piece(queue[i]);
       });
