@@ -31,6 +31,8 @@
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
+//   power_diagram_clipper  (internal) its polygons, cut by bisectors
+//   power_diagram_edit     (its .cpp only) inserting and removing sites
 //   sizing.h         sizing fields: the wanted radius at each point of a surface
 //   sizing_lfs              (its .cpp only) local feature size, by poles
 //   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
@@ -38,7 +40,10 @@
 //   darts.h          (internal) drawing facets by weight and points by density
 //   count_model.h    (internal) how many samples radii make
 //   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
+//   fragment_gaps.h  (internal) the gaps of a restricted power diagram
 //   sampling.h       darts, gap filling, and the certificate that a set is maximal
+//   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
+//   optimize.h       better triangles and valences by refilling gaps
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
@@ -62,6 +67,7 @@
 #include "amps/power_diagram.h"
 #include "amps/sizing.h"
 #include "amps/sampling.h"
+#include "amps/optimize.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
 #include "amps/surface_tree.h"

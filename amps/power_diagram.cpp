@@ -1,70 +1,13 @@
 #define AMPS_OWN_SOURCE
 #include "amps/power_diagram.h"
 
+#include "amps/power_diagram_clipper.h"
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 namespace amps {
-namespace detail {
-namespace {
-
-/// A corner computed from barycentric coordinates good to a few 2^-46 (predicates.h) is off by less than this, relative to the
-/// facet's longest edge, plus kPositionRounding relative to its largest coordinate.
-constexpr double kPositionError = 0x1p-42;
-constexpr double kPositionRounding = 0x1p-49;
-/// Relative rounding of D_k(x) evaluated in doubles: 8 operations, slack 4.
-constexpr double kSideRounding = 0x1p-48;
-/// Records of a site's fragments lie side by side when they have come from bulk construction.
-constexpr Index kFragmentsPrefetched = 8;
-/// Relative slack of plane offsets and of the security radius they are compared with.
-constexpr double kOffsetSlack = 1e-9;
-
-/// D_j(x) of predicates.h in doubles, for the many corners that are far from the bisector.
-class SideFilter {
- public:
-  SideFilter(const WeightedPoint& owner, const WeightedPoint& other) noexcept
-      : difference_(other.position() - owner.position()),
-        sum_(other.position() + owner.position()),
-        weights_(owner.w - other.w),
-        gradient_(difference_.cwiseAbs().sum()),
-        weight_error_(kSideRounding * std::fabs(weights_)) {}
-
-  /// The side of x, known to `error` (which must include kPositionRounding of the coordinates: the sum above has that rounding
-  /// too), if x is farther from the bisector than all errors, else 0.
-  int side(const Vec3& x, double error) const noexcept {
-    const double tx = sum_.x() - 2 * x.x(), ty = sum_.y() - 2 * x.y(), tz = sum_.z() - 2 * x.z();
-    const double value = (difference_.x() * tx + difference_.y() * ty + difference_.z() * tz) + weights_;
-    // |∇D| = 2|p_j − p_i|; the 1-norm bounds it from above.
-    const double span = std::fabs(tx) + std::fabs(ty) + std::fabs(tz);
-    const double margin = gradient_ * (2 * error + kSideRounding * span) + weight_error_;
-    return value > margin ? 1 : (-value > margin ? -1 : 0);
-  }
-
-  /// |∇D|, for surely_inside.
-  double slope() const noexcept { return 2 * (1 + kOffsetSlack) * difference_.norm(); }
-
-  /// True only if all points within `radius` of x are on the owner's side. NaN and infinity give false.
-  bool surely_inside(const Vec3& x, double radius, double error, double slope) const noexcept {
-    const double tx = sum_.x() - 2 * x.x(), ty = sum_.y() - 2 * x.y(), tz = sum_.z() - 2 * x.z();
-    const double value = (difference_.x() * tx + difference_.y() * ty + difference_.z() * tz) + weights_;
-    const double span = std::fabs(tx) + std::fabs(ty) + std::fabs(tz);
-    return value > slope * radius + (gradient_ * (2 * error + kSideRounding * span) + weight_error_);
-  }
-
- private:
-  Vec3 difference_, sum_;
-  double weights_, gradient_, weight_error_;
-};
-
-/// Order of a site's planes; ties by site, so that nothing depends on the sort.
-template <class Plane>
-bool nearer_plane(const Plane& a, const Plane& b) noexcept {
-  return a.offset != b.offset ? a.offset < b.offset : a.site < b.site;
-}
-
-}  // namespace
-}  // namespace detail
 
 using detail::slot;
 
@@ -73,151 +16,6 @@ double RestrictedPowerDiagram::Polygon::area() const {
   for (Index k = 2; k < size; ++k) sum += (corners[k - 1] - corners[0]).cross(corners[k] - corners[0]);
   return 0.5 * sum.stableNorm();  // areas of 1e±200 have squares out of range
 }
-
-// ---------------------------------------------------------------------------------------------------------------------------
-// Clipping one polygon of one facet and owner
-
-class RestrictedPowerDiagram::Clipper {
- public:
-  explicit Clipper(const RestrictedPowerDiagram& diagram) : diagram_(diagram) {}
-
-  void set_facet(Index facet) {
-    const MeshView& mesh = diagram_.mesh_;
-    for (int c = 0; c < 3; ++c) {
-      vertex_[slot(c)] = mesh.triangles(facet, c);
-      corner_[c] = mesh.position(vertex_[slot(c)]);
-    }
-    position_error_ = diagram_.facet_error_[slot(facet)];
-  }
-
-  /// The whole facet, owned by `site`.
-  void start(Index site) {
-    set_owner(site);
-    corners_.clear();
-    labels_.clear();
-    for (int c = 0; c < 3; ++c) {
-      corners_.push_back(corner(c));
-      labels_.push_back(mesh_edge_label(c));
-    }
-  }
-
-  void load(const Polygon& polygon) {
-    set_facet(polygon.facet);
-    set_owner(polygon.site);
-    corners_.assign(polygon.corners, polygon.corners + polygon.size);
-    labels_.assign(polygon.labels, polygon.labels + polygon.size);
-  }
-
-  /// Keeps what is on the owner's side of the bisector with `other`; true if something was cut off.
-  bool clip(Index other) {
-    const std::size_t n = corners_.size();
-    const WeightedPoint& site = diagram_.site(other);
-    const detail::SideFilter filter(*owner_, site);
-    bool any_inside = false, any_outside = false;
-    sides_.resize(n);
-    for (std::size_t k = 0; k < n; ++k) {
-      sides_[k] = static_cast<signed char>(filter.side(corners_[k], position_error_));
-      if (sides_[k] == 0) sides_[k] = static_cast<signed char>(exact_side(k, site));
-      (sides_[k] > 0 ? any_inside : any_outside) = true;
-    }
-    if (!any_outside) return false;
-    if (!any_inside) {
-      corners_.clear();
-      labels_.clear();
-      return true;
-    }
-    cut(other);
-    return true;
-  }
-
-  /// Clips by bisectors in order of their offset while they can reach the polygon (security radius).
-  void clip_all(const Plane* begin, const Plane* end) {
-    double reach = security_radius();
-    for (const Plane* plane = begin; plane != end && plane->offset <= reach; ++plane) {
-      if (clip(plane->site)) {
-        if (empty()) return;
-        reach = security_radius();
-      }
-    }
-  }
-
-  bool empty() const { return corners_.empty(); }
-  const std::vector<Vec3>& corners() const { return corners_; }
-  const std::vector<Index>& labels() const { return labels_; }
-
- private:
-  Vec3 corner(int c) const { return {corner_[c][0], corner_[c][1], corner_[c][2]}; }
-
-  void set_owner(Index site) {
-    owner_ = &diagram_.site(site);
-    owner_position_ = owner_->position();
-  }
-
-  double security_radius() const {
-    double farthest = 0;
-    for (const Vec3& x : corners_) farthest = std::max(farthest, (x - owner_position_).squaredNorm());
-    return std::sqrt(farthest) * (1 + detail::kOffsetSlack) + position_error_;
-  }
-
-  int exact_side(std::size_t k, const WeightedPoint& site) const {
-    const Index in = labels_[k == 0 ? labels_.size() - 1 : k - 1], out = labels_[k];
-    const Bisector by(*owner_, site, corner_);
-    if (is_site(in) && is_site(out)) return side_of_facet_crossing(corner_, bisector(in), bisector(out), by);
-    if (!is_site(in) && !is_site(out)) return side_of_corner(corner_, mesh_edge(out), by);
-    const int e = mesh_edge(is_site(in) ? out : in);
-    return side_of_edge_crossing(corner_, e, (e + 1) % 3, bisector(is_site(in) ? in : out), by);
-  }
-
-  Bisector bisector(Index label) const { return Bisector(*owner_, diagram_.site(label), corner_); }
-
-  /// The intersection of the line of an edge with the bisector of `other`.
-  Vec3 crossing(Index label, Index other) const {
-    if (is_site(label)) {
-      const Vec3 b = facet_crossing_coordinates(corner_, *owner_, diagram_.site(label), diagram_.site(other));
-      return b[0] * corner(0) + b[1] * corner(1) + b[2] * corner(2);
-    }
-    // Ends in the order of their global indices: both facets of the edge compute the same bits.
-    int u = mesh_edge(label), v = (u + 1) % 3;
-    if (vertex_[slot(u)] > vertex_[slot(v)]) std::swap(u, v);
-    const std::array<double, 2> b = edge_crossing_coordinates(corner_, u, v, bisector(other));
-    return b[0] * corner(u) + b[1] * corner(v);
-  }
-
-  /// Replaces the outside corners, one run of them since both polygon and half-space are convex, by two crossings.
-  void cut(Index other) {
-    const std::size_t n = corners_.size();
-    std::size_t leave = 0;  // the last corner inside before the run
-    while (!(sides_[leave] > 0 && sides_[leave + 1 == n ? 0 : leave + 1] < 0)) ++leave;
-    std::size_t enter = leave + 1 == n ? 0 : leave + 1;  // the last corner of the run
-    while (sides_[enter + 1 == n ? 0 : enter + 1] < 0) enter = enter + 1 == n ? 0 : enter + 1;
-    const Vec3 leaving = crossing(labels_[leave], other);
-    const Vec3 entering = crossing(labels_[enter], other);
-    new_corners_.clear();
-    new_labels_.clear();
-    for (std::size_t k = enter + 1 == n ? 0 : enter + 1;; k = k + 1 == n ? 0 : k + 1) {
-      AMPS_ASSERT(sides_[k] > 0);
-      new_corners_.push_back(corners_[k]);
-      new_labels_.push_back(labels_[k]);
-      if (k == leave) break;
-    }
-    new_corners_.push_back(leaving);
-    new_labels_.push_back(other);
-    new_corners_.push_back(entering);
-    new_labels_.push_back(labels_[enter]);
-    corners_.swap(new_corners_);
-    labels_.swap(new_labels_);
-  }
-
-  const RestrictedPowerDiagram& diagram_;
-  const double* corner_[3] = {};
-  std::array<Index, 3> vertex_{};
-  double position_error_ = 0;
-  const WeightedPoint* owner_ = nullptr;
-  Vec3 owner_position_ = Vec3::Zero();
-  std::vector<Vec3> corners_, new_corners_;
-  std::vector<Index> labels_, new_labels_;
-  std::vector<signed char> sides_;
-};
 
 // ---------------------------------------------------------------------------------------------------------------------------
 // Construction
@@ -258,6 +56,21 @@ RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const Point
   build(threads, progress);
 }
 
+/// A regular tetrahedron whose corners are 4 diagonals from the centre of the box. At any point of the box its corners have power
+/// at least 12 diagonals² − w, and a site in the box that is not lighter at most 1 diagonal² − w: while there is such a guard, no
+/// sentinel owns anything on the mesh.
+std::array<WeightedPoint, RestrictedPowerDiagram::kSentinels> RestrictedPowerDiagram::sentinels() const {
+  const double reach = 4 * (high_ - low_).norm() / std::sqrt(3.0);
+  const Vec3 centre = low_ + (high_ - low_) / 2;
+  const double sign[kSentinels][3] = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
+  std::array<WeightedPoint, kSentinels> result{};
+  for (std::size_t k = 0; k < kSentinels; ++k) {
+    const Vec3 x = centre + reach * Vec3(sign[k][0], sign[k][1], sign[k][2]);
+    result[k] = {x.x(), x.y(), x.z(), least_weight_};
+  }
+  return result;
+}
+
 void RestrictedPowerDiagram::triangulate(const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights) {
   if (weights.size() != sites.rows()) {
     throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: " + std::to_string(sites.rows()) + " sites with " +
@@ -273,17 +86,16 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const Eigen::R
     low = low.cwiseMin(sites.row(s).transpose());
     high = high.cwiseMax(sites.row(s).transpose());
   }
-  // A regular tetrahedron whose corners are 4 diagonals from the centre. At any point of the box its corners have power at
-  // least 9 diagonals² − w_min, and every site at most 1 diagonal² − w_min.
-  const double reach = 4 * (high - low).norm() / std::sqrt(3.0);
-  const Vec3 centre = low + (high - low) / 2;
-  const double least_weight = weights.minCoeff();
+  low_ = low;
+  high_ = high;
+  least_weight_ = weights.minCoeff();
+  num_guards_ = static_cast<Index>(sites.rows());
   Points positions(sites.rows() + kSentinels, 3);
   Eigen::VectorXd all_weights(positions.rows());
-  const double sign[4][3] = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
-  for (int k = 0; k < kSentinels; ++k) {
-    positions.row(k) = (centre + reach * Vec3(sign[k][0], sign[k][1], sign[k][2])).transpose();
-    all_weights[k] = least_weight;
+  Index k = 0;
+  for (const WeightedPoint& sentinel : sentinels()) {
+    positions.row(k) = sentinel.position().transpose();
+    all_weights[k++] = sentinel.w;
   }
   positions.bottomRows(sites.rows()) = sites;
   all_weights.tail(weights.size()) = weights;
@@ -416,6 +228,10 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
 }
 
 void RestrictedPowerDiagram::update_reach(Index s) {
+  if (!visible(s)) {
+    reach_[slot(s)] = kNoCell;
+    return;
+  }
   double reach = 0;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
     const double farthest = this->reach(f);
@@ -554,6 +370,7 @@ void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper
   link(f);
   ++num_fragments_;
   changed_.push_back(f);
+  changed_sites_.push_back(site);
 }
 
 /// The slot keeps its room in the pools for its next use.
@@ -590,80 +407,6 @@ void RestrictedPowerDiagram::compact_pools() {
 }
 
 // ---------------------------------------------------------------------------------------------------------------------------
-// Local insertion
-
-Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index near) {
-  const Index hint = near == kNone || !visible(near) ? kNone : triangulation_.incident_cell(near + kSentinels);
-  const Index s = triangulation_.insert(position, weight, hint) - kSentinels;
-  first_of_site_.push_back(kNone);
-  reach_.push_back(0);
-  changed_.clear();
-  if (!visible(s)) return s;
-
-  // The new cell takes its place from its neighbours and from the sites it has hidden, and from nobody else.
-  std::vector<Plane> planes;
-  for (const Index v : triangulation_.neighbors_of_last_insertion()) {
-    if (v >= kSentinels) planes.push_back(plane(s, v - kSentinels));
-  }
-  std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
-  Clipper clipper(*this);
-  std::vector<Index> facets;
-  for (const Plane& plane : planes) {  // worth a tenth of the time of an insertion, where the fragments exceed the cache
-    const Index first = first_of_site(plane.site);
-    if (first == kNone || plane.offset > reach_[slot(plane.site)]) continue;
-    const Index last = std::min(first + detail::kFragmentsPrefetched, fragment_capacity());
-    for (Index f = first; f < last; ++f) detail::prefetch(&fragments_[slot(f)]);
-  }
-  for (const Plane& plane : planes) clip_fragments_of(plane.site, s, clipper, facets);
-  for (const Index v : triangulation_.hidden_by_last_insertion()) {
-    if (v >= kSentinels && v != s + kSentinels) clip_fragments_of(v - kSentinels, s, clipper, facets);
-  }
-  std::sort(facets.begin(), facets.end());
-  facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-  for (const Index facet : facets) {
-    clipper.set_facet(facet);
-    clipper.start(s);
-    clipper.clip_all(planes.data(), planes.data() + planes.size());
-    AMPS_ASSERT(!clipper.empty());
-    add_fragment(facet, s, clipper);
-  }
-  update_reach(s);
-  compact_pools();
-  // A slot freed and used again is listed twice.
-  std::sort(changed_.begin(), changed_.end());
-  changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
-  return s;
-}
-
-/// Takes the cell of `by` off the fragments of `site`, and lists the facets where it took something.
-void RestrictedPowerDiagram::clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets) {
-  if (plane(site, by).offset > reach_[slot(site)]) return;
-  const detail::SideFilter filter(this->site(site), this->site(by));
-  const double error = largest_facet_error_, slope = filter.slope();
-  bool any_clipped = false;
-  for (Index f = first_of_site(site); f != kNone;) {
-    const Index next = next_of_site(f);
-    const Polygon polygon = this->polygon(f);
-    const Fragment& fragment = fragments_[slot(f)];
-    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error, slope)) {
-      f = next;
-      continue;
-    }
-    clipper.load(polygon);
-    if (clipper.clip(by)) {
-      any_clipped = true;
-      facets.push_back(polygon.facet);
-      changed_.push_back(f);
-      if (clipper.empty()) {
-        free_fragment(f);
-      } else {
-        store_polygon(fragments_[slot(f)], clipper);
-      }
-    }
-    f = next;
-  }
-  if (any_clipped) update_reach(site);
-}
 
 void RestrictedPowerDiagram::neighbors(Index s, std::vector<Index>& out) const {
   triangulation_.neighbors(s + kSentinels, out);

@@ -1,5 +1,5 @@
 // power_diagram.h: the restricted power diagram (RPD) of weighted sites on a triangle mesh — for each facet, which part of it
-// is nearest in power to which site — exact, and updated locally when a site is inserted.
+// is nearest in power to which site — exact, and updated locally when a site is inserted or removed.
 //
 // The intersection of a facet with a site's power cell is a convex polygon, a *fragment*. Fragments are found facet by facet,
 // by clipping the facet with the bisectors of an owner and its neighbours in the regular triangulation and flooding to the
@@ -32,7 +32,7 @@ class RestrictedPowerDiagram {
   static constexpr int mesh_edge(Index label) { return -1 - label; }
 
   /// A fragment. Corner k lies between edges k − 1 and k; edge k runs from corner k to corner k + 1; counter-clockwise in the
-  /// facet's own orientation. The view is valid until the next insertion.
+  /// facet's own orientation. The view is valid until the next edit.
   struct Polygon {
     Index facet = kNone;
     Index site = kNone;
@@ -50,9 +50,12 @@ class RestrictedPowerDiagram {
   RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights,
                          unsigned threads = 1, const Progress& progress = {});
 
-  Index num_sites() const { return triangulation_.num_vertices() - kSentinels; }
+  Index num_sites() const { return triangulation_.num_vertices() - kSentinels; }  ///< ids given out, removed ones included
+  Index num_removed() const { return triangulation_.num_removed(); }
   const WeightedPoint& site(Index s) const { return triangulation_.point(s + kSentinels); }
-  /// False if others dominate the site everywhere in space (its power cell is empty), or it is a duplicate.
+  bool removed(Index s) const { return triangulation_.state(s + kSentinels) == RegularTriangulation::VertexState::kRemoved; }
+  /// False if others dominate the site everywhere in space (its power cell is empty), it is a duplicate, or removed.
+  /// Space ends where four far sentinel sites begin (neighbors()): a cell beyond them does not count.
   bool visible(Index s) const { return triangulation_.state(s + kSentinels) == RegularTriangulation::VertexState::kVisible; }
   const MeshView& mesh() const { return mesh_; }
 
@@ -75,8 +78,21 @@ class RestrictedPowerDiagram {
   /// (kNone: anywhere). Expected O(1) with a good hint on Poisson-disk-like sets. Throws Error(kInvalidArgument) if not finite.
   Index insert(const Vec3& position, double weight, Index near = kNone);
 
-  /// Slots of fragments that the last insert() created, changed or freed (then not alive), in a fixed order, each once.
+  /// Removes a site, visible or not: its neighbours, and sites that it has hidden, share its fragments. The diagram is then that
+  /// of the other sites alone, bit by bit; what has a fragment in none of the facets that it had one in stays untouched. Other
+  /// ids stay valid, and this one is not given out again but by reinsert(). Expected O(1) on Poisson-disk-like sets.
+  /// Throws Error(kInvalidArgument) if there is no such site, or no other one: a diagram has at least one site.
+  void remove(Index s);
+
+  /// Puts a removed id back to use, elsewhere and with another weight if you like. `near`, cost and errors as insert(), and
+  /// kInvalidArgument if s is not a removed id.
+  void reinsert(Index s, const Vec3& position, double weight, Index near = kNone);
+
+  /// Slots of fragments that the last insert(), remove() or reinsert() created, changed or freed (then not alive), ascending,
+  /// each once.
   const std::vector<Index>& changed() const { return changed_; }
+  /// Sites that owned or own one of these, ascending, each once: of no other site have fragments, or dual triangles, changed.
+  const std::vector<Index>& changed_sites() const { return changed_sites_; }
 
   /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending. Four far sentinel sites
   /// take part in space, so sites on the outside may lack neighbours across large distances; never ones that share a fragment's
@@ -133,6 +149,9 @@ class RestrictedPowerDiagram {
   class Clipper;
   struct Batch;
 
+  std::array<WeightedPoint, kSentinels> sentinels() const;
+  bool is_guard(Index s) const;
+  void keep_a_guard(Index s);
   void triangulate(const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights);
   void build(unsigned threads, const Progress& progress);
   PlaneTable all_planes() const;
@@ -147,7 +166,20 @@ class RestrictedPowerDiagram {
   void store_polygon(Fragment& fragment, const Clipper& clipper);
   void bound(Fragment& fragment);
   void free_fragment(Index f);
-  void clip_fragments_of(Index site, Index by, Clipper& clipper, std::vector<Index>& facets);
+  void find_touched(Index site, Index by, std::vector<Index>& touched) const;
+  std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper);
+  void prefetch_polygon(Index f) const;
+  void prefetch_facet_corners(Index facet) const;
+  std::vector<Index> link_of(Index s);
+  Index hint_cell(Index near) const;
+  void take_cell(Index s, const std::vector<Index>& around);
+  void add_uncovered(std::vector<Index>& heirs);
+  void share_out(Index s, const std::vector<Index>& heirs);
+  void share_out_facet(Index f, const std::vector<Index>& contenders, Clipper& clipper, std::vector<Index>& owners);
+  void find_contenders(Index f, const std::vector<Index>& heirs, std::vector<Index>& contenders) const;
+  Index owner_of_corner(Index facet, const std::vector<Index>& among) const;
+  Index fragment_of(Index facet, Index site) const;
+  void finish_edit();
   void compact_pools();
 
   MeshView mesh_;
@@ -161,9 +193,16 @@ class RestrictedPowerDiagram {
   std::vector<Index> first_of_facet_;
   std::vector<double> facet_error_;  ///< bound of the error of computed corners; −1: no area
   double largest_facet_error_ = 0;
-  std::vector<double> reach_;  ///< by site: not less than the distance to any corner of its fragments
+  /// By site: not less than the distance to any corner of its fragments; kNoCell: not visible. NaN (overflow) prunes nothing.
+  std::vector<double> reach_;
+  static constexpr double kNoCell = -1;
+  Vec3 low_ = Vec3::Zero(), high_ = Vec3::Zero();  ///< the box that the sentinels stand around
+  double least_weight_ = 0;                        ///< theirs
+  Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
-  std::vector<Index> changed_;
+  std::vector<Index> changed_, changed_sites_;
+  std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of link_of
+  std::uint32_t last_stamp_ = 0;
   double seconds_triangulation_ = 0;
 };
 

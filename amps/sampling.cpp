@@ -3,7 +3,7 @@
 
 #include "amps/count_model.h"
 #include "amps/darts.h"
-#include "amps/gaps.h"
+#include "amps/fragment_gaps.h"
 #include "amps/kdtree.h"
 #include "amps/spatial_sort.h"
 #include "amps/voxel_grid.h"
@@ -159,26 +159,6 @@ struct GrowingSet {
             Eigen::Map<const Points>(barycentrics.data(), n, 3)};
   }
 };
-
-Vec3 position_of(const MeshView& mesh, const SurfacePoint& at) {
-  return at.barycentric[0] * mesh.corner(at.facet, 0) + at.barycentric[1] * mesh.corner(at.facet, 1) +
-         at.barycentric[2] * mesh.corner(at.facet, 2);
-}
-
-/// Unit normal of a facet with area, at any scale whose squares a double holds.
-Vec3 normal_of(const MeshView& mesh, Index facet) {
-  const Vec3 a = mesh.corner(facet, 0);
-  return (mesh.corner(facet, 1) - a).cross(mesh.corner(facet, 2) - a).stableNormalized();
-}
-
-/// The point of the facet below x, which lies in its plane up to rounding.
-SurfacePoint surface_point(const MeshView& mesh, Index facet, const Vec3& x) {
-  const Vec3 a = mesh.corner(facet, 0), b = mesh.corner(facet, 1), c = mesh.corner(facet, 2);
-  const Vec3 normal = normal_of(mesh, facet);
-  Vec3 weight((b - x).cross(c - x).dot(normal), (c - x).cross(a - x).dot(normal), (a - x).cross(b - x).dot(normal));
-  weight = weight.cwiseMax(0.0);
-  return {facet, weight / weight.sum()};
-}
 
 // ---------------------------------------------------------------------------------------------------------------------------
 // Dart throwing
@@ -406,23 +386,6 @@ class SumTree {
   std::size_t leaves_ = 0;
 };
 
-FragmentView fragment_view(const MeshView& mesh, const RestrictedPowerDiagram::Polygon& polygon) {
-  return {polygon.corners, static_cast<std::size_t>(polygon.size), normal_of(mesh, polygon.facet)};
-}
-
-Ball ball_of(const WeightedPoint& site) { return {site.position(), site.w}; }
-
-bool fragment_has_gap(const RestrictedPowerDiagram& diagram, const RestrictedPowerDiagram::Polygon& polygon) {
-  return has_gap({polygon.corners, static_cast<std::size_t>(polygon.size), Vec3::UnitZ()}, ball_of(diagram.site(polygon.site)));
-}
-
-/// The greatest double whose square, rounded, does not exceed s.
-double root_below(double s) {
-  double r = std::sqrt(s);
-  while (r * r > s) r = std::nextafter(r, 0.0);
-  return r;
-}
-
 /// Gap area per fragment times ρ there, kept up to date through insertions.
 class GapFiller {
  public:
@@ -520,14 +483,10 @@ class GapFiller {
     return slack > 0 && outside(nearby, uniform ? task_.radii.least() * task_.radii.least() : diagram_.site(nearby).w);
   }
 
-  /// What is wanted there; by the max rule no more than the distance to the nearest sample, and less by more than the rounding
-  /// of its square: the weight in the diagram is below all exact squared distances, and the new site hides no other.
   double radius_at(const Vec3& x, const SurfacePoint& at) const {
     const double wanted = task_.radii.at(at);
     if (task_.radii.uniform() || task_.options.conflict_rule == ConflictRule::kMin) return wanted;
-    const double nearest = task_.grid.nearest_squared_distance(x, wanted);
-    constexpr double kBelowRounding = 1 - 8 * kUnitRoundoff;  // of three squares and their sum
-    return nearest * kBelowRounding < wanted * wanted ? root_below(nearest * kBelowRounding) : wanted;
+    return radius_below(wanted, task_.grid.nearest_squared_distance(x, wanted));
   }
 
   void insert(const Vec3& x, const SurfacePoint& at, Index near) {

@@ -353,14 +353,47 @@ VoxelGrid::Slot& VoxelGrid::slot_for(Level& level, std::uint64_t key) {
 void VoxelGrid::store(Slot& slot, const Vec3& x, Index id) {
   AMPS_ASSERT(id >= 0);
   if (slot.block == kNone || blocks_[static_cast<std::size_t>(slot.block)].count == Block::kCapacity) {
-    Block block{};
-    block.next = slot.block;
-    blocks_.push_back(block);
-    slot.block = static_cast<std::int32_t>(blocks_.size() - 1);
+    slot.block = new_block(slot.block);
   }
   Block& block = blocks_[static_cast<std::size_t>(slot.block)];
   for (int axis = 0; axis < 3; ++axis) block.positions[block.count][axis] = x[axis];
   block.ids[block.count++] = id;
+}
+
+std::int32_t VoxelGrid::new_block(std::int32_t next) {
+  std::int32_t b = static_cast<std::int32_t>(blocks_.size());
+  if (free_blocks_.empty()) {
+    blocks_.emplace_back();
+  } else {
+    b = free_blocks_.back();
+    free_blocks_.pop_back();
+  }
+  blocks_[static_cast<std::size_t>(b)] = Block{};
+  blocks_[static_cast<std::size_t>(b)].next = next;
+  return b;
+}
+
+/// Its place is taken by a sample of the newest block, the only one that may not be full.
+void VoxelGrid::remove(const Vec3& x, double radius, Index id) {
+  const int own = level_of(radius);
+  Level& level = levels_[static_cast<std::size_t>(own)];
+  Slot& slot = level.slots[find_slot(level, key_at(place(x), own))];
+  Block& newest = blocks_[static_cast<std::size_t>(slot.block)];
+  for (std::int32_t b = slot.block; b != kNone; b = blocks_[static_cast<std::size_t>(b)].next) {
+    Block& block = blocks_[static_cast<std::size_t>(b)];
+    for (int i = 0; i < block.count; ++i) {
+      if (block.ids[i] != id) continue;
+      const int last = --newest.count;
+      std::copy_n(newest.positions[last], 3, block.positions[i]);
+      block.ids[i] = newest.ids[last];
+      if (last == 0) {
+        free_blocks_.push_back(slot.block);
+        slot.block = newest.next;
+      }
+      return;
+    }
+  }
+  AMPS_ASSERT(false);
 }
 
 void VoxelGrid::grow(Level& level) {

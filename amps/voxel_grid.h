@@ -72,6 +72,9 @@ class VoxelGrid {
   /// `id` ≥ 0: ids are consecutive, or memory is wasted.
   void insert(const Vec3& x, double radius, Index id);
 
+  /// Takes a sample out again that was stored with exactly these values; its id may be stored anew. O(1) expected.
+  void remove(const Vec3& x, double radius, Index id);
+
  private:
   /// Samples of a voxel, side by side: two cache lines. A voxel with more has a list of blocks, the newest first.
   struct Block {
@@ -114,6 +117,7 @@ class VoxelGrid {
   Index conflict_in(const Slot& slot, int level, const Vec3& x, double weight, const Combine& combine) const;
   Slot& slot_for(Level& level, std::uint64_t key);
   void store(Slot& slot, const Vec3& x, Index id);
+  std::int32_t new_block(std::int32_t next);
   static void grow(Level& level);
 
   Vec3 origin_;
@@ -123,6 +127,7 @@ class VoxelGrid {
   double surely_inside_, surely_outside_;  ///< bounds on a rounded squared distance that decide without exact arithmetic
   std::vector<Level> levels_;              ///< coarsest first
   std::vector<Block> blocks_;
+  std::vector<std::int32_t> free_blocks_;
   std::vector<double> weights_;  ///< by id, where radii differ
 };
 

@@ -4,6 +4,7 @@
 // none.
 //   amps_bench --benchmark_filter=pipeline      stages
 //   amps_bench --benchmark_filter=scaling       10k, 100k and 1M samples: about 2 minutes and 1.5 GB
+//   amps_bench --benchmark_filter=edit          local removal and insertion in the diagram
 //   amps_bench --benchmark_filter=table2
 #include "amps/power_diagram.h"
 #include "amps/remesh.h"
@@ -155,6 +156,51 @@ BENCHMARK(pipeline_gap_filling)->DenseRange(0, 4)->Unit(benchmark::kMillisecond)
 BENCHMARK(pipeline_sample)->DenseRange(0, 4)->Unit(benchmark::kMillisecond);
 BENCHMARK(pipeline_remesh)->DenseRange(0, 4)->Unit(benchmark::kMillisecond);
 BENCHMARK(pipeline_certificate)->DenseRange(0, 4)->Unit(benchmark::kMillisecond);
+
+/// Local edits of the diagram of a maximal set: a thousand random sites leave and come back. range(0): 1 times coming back, 0 leaving;
+/// range(1): 1 for 200k samples of a sphere, 0 for 12k of the bunny.
+void edit_diagram(benchmark::State& state) {
+  const bool large = state.range(1) != 0;
+  const amps::Mesh mesh = large ? amps::make_sphere(20480) : bunny();
+  amps::SamplingOptions options;
+  options.radius = std::sqrt(amps::kSamplesPerDensity * amps::total_area(mesh) / (large ? 200000 : 12000));
+  const amps::SampleSet set = amps::sample(mesh, options).samples;
+  amps::RestrictedPowerDiagram diagram(mesh, set.positions, set.radii.cwiseAbs2());
+  amps::Rng rng(1);
+  std::vector<amps::Index> sites, near, around;
+  std::vector<char> leaves(static_cast<std::size_t>(set.size()));
+  double edits = 0;
+  for (auto iteration : state) {
+    static_cast<void>(iteration);
+    sites.clear();
+    near.clear();
+    std::fill(leaves.begin(), leaves.end(), '\0');
+    for (int k = 0; k < 1000; ++k) {
+      const auto s = static_cast<amps::Index>(rng.below(static_cast<std::uint64_t>(set.size())));
+      if (leaves[static_cast<std::size_t>(s)]++ == 0) sites.push_back(s);
+    }
+    for (const amps::Index s : sites) {  // those who insert a site know one near it
+      diagram.neighbors(s, around);
+      const auto stays = [&](amps::Index u) { return leaves[static_cast<std::size_t>(u)] == 0; };
+      const auto found = std::find_if(around.begin(), around.end(), stays);
+      near.push_back(found == around.end() ? amps::kNone : *found);
+    }
+    amps::detail::Stopwatch watch;
+    for (const amps::Index s : sites) diagram.remove(s);
+    const double leaving = watch.lap();
+    for (std::size_t k = 0; k < sites.size(); ++k) {
+      const amps::Index s = sites[k];
+      diagram.reinsert(s, set.positions.row(s).transpose(), diagram.site(s).w, near[k]);
+    }
+    const double coming_back = watch.lap();
+    state.SetIterationTime(state.range(0) != 0 ? coming_back : leaving);
+    edits += static_cast<double>(sites.size());
+  }
+  state.SetLabel(std::string(large ? "sphere, 200k" : "bunny, 12k") + (state.range(0) != 0 ? ": insert" : ": remove"));
+  state.counters["time/edit"] = benchmark::Counter(edits, benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+
+BENCHMARK(edit_diagram)->ArgsProduct({{0, 1}, {0, 1}})->UseManualTime()->Unit(benchmark::kMillisecond);
 
 /// Peak resident memory since the last reset, in bytes; 0 where the system does not say.
 double peak_memory() {

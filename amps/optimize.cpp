@@ -1,0 +1,979 @@
+#define AMPS_OWN_SOURCE
+#include "amps/optimize.h"
+
+#include "amps/fragment_gaps.h"
+#include "amps/predicates.h"
+#include "amps/trial_patch.h"
+#include "amps/voxel_grid.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <ostream>
+#include <string>
+#include <utility>
+
+namespace amps {
+namespace detail {
+namespace {
+
+/// Iterations in a row that bring nothing before it is given up, and before kicks begin.
+constexpr int kIdleIterations = 32, kIdleBeforeKicks = 2;
+/// Kicks in one iteration, rounds of improvement after one, and idle iterations for which kicks grow by a sample.
+constexpr std::size_t kMostKicks = 64;
+constexpr int kKickRounds = 16, kIdlePerSample = 6;
+/// Items looked at before what was found is carried out: more are more parallel, and more of it out of date. Bounds of it.
+constexpr std::size_t kLeastBatch = 64, kMostBatch = 4096;
+/// Refills of the diagram itself, where a patch cannot be copied.
+constexpr int kRefillsInPlace = 8;
+/// Darts for one gap of the diagram; samples for one refill.
+constexpr int kRefillDarts = 64, kRefillSamples = 64;
+/// Trials count this for a sample more, and less for a sample fewer: halves the growth of sets, at no cost in time. With 5, tight bounds take
+/// twice the time.
+constexpr double kPerSample = 2;
+/// Of an energy, against rounding.
+constexpr double kLeastGain = 1e-6;
+/// Darts of one pool, and darts thrown for it at most.
+constexpr int kPool = 48, kPoolDarts = 400;
+
+/// The neighbours of a sample in the dual triangulation.
+struct DualStar {
+  static constexpr int kMost = 12;
+  std::array<Index, kMost> ring;  ///< cyclic
+  std::int8_t size = 0;           ///< 0: not a disk, or too large
+};
+
+/// A triangle, or a vertex (b = c = kNone), that is bad.
+struct BadItem {
+  Index a, b, c;
+};
+
+/// A sample to be.
+struct NewSample {
+  Vec3 x = Vec3::Zero();
+  SurfacePoint at;
+  double radius = 0;
+};
+
+/// What to do about a bad item.
+struct Proposal {
+  enum class Kind { kNothing, kRefill, kInPlace } kind = Kind::kNothing;
+  std::vector<Index> removed;
+  std::vector<NewSample> added;
+  std::vector<Index> seen;  ///< samples it depends on
+  std::uint64_t trials = 0;
+};
+
+/// Samples by id in the diagram. Ids of removed ones are used again.
+struct OptimizedSet {
+  std::vector<SurfacePoint> at;
+  std::vector<double> radius;
+  std::vector<char> alive;
+  std::vector<DualStar> star;
+  std::vector<double> energy;  ///< valence, and a third of its triangles
+  Index size() const { return static_cast<Index>(alive.size()); }
+};
+
+/// Dual stars as the diagram has them.
+class StarReader {
+ public:
+  StarReader(const RestrictedPowerDiagram& diagram, const DualRating& rating) : diagram_(diagram), rating_(rating) {}
+
+  /// Triangles around s as pairs of the other corners, lower first, ascending, each once.
+  const std::vector<std::array<Index, 2>>& read(Index s) {
+    pairs_.clear();
+    for (Index f = diagram_.first_of_site(s); f != kNone; f = diagram_.next_of_site(f)) {
+      const auto polygon = diagram_.polygon(f);
+      for (Index k = 0; k < polygon.size; ++k) {
+        const Index a = polygon.labels[k == 0 ? polygon.size - 1 : k - 1], b = polygon.labels[k];
+        if (!RestrictedPowerDiagram::is_site(a) || !RestrictedPowerDiagram::is_site(b)) continue;
+        pairs_.push_back({std::min(a, b), std::max(a, b)});
+      }
+    }
+    std::sort(pairs_.begin(), pairs_.end());
+    pairs_.erase(std::unique(pairs_.begin(), pairs_.end()), pairs_.end());
+    return pairs_;
+  }
+
+  const std::vector<std::array<Index, 2>>& pairs() const { return pairs_; }
+
+  /// Of the last star read. A disk: one cycle of pairs. A half disk: one path. Pinched: several cycles.
+  enum class Form { kDisk, kHalfDisk, kPinched, kOther };
+  Form form(DualStar& star) {
+    star.size = 0;
+    if (pairs_.empty()) return Form::kOther;
+    ring_.clear();
+    for (const auto& pair : pairs_) ring_.insert(ring_.end(), {pair[0], pair[1]});
+    std::sort(ring_.begin(), ring_.end());
+    int ends = 0;
+    num_neighbors_ = 0;
+    Index start = pairs_.front()[0];
+    for (std::size_t k = 0; k < ring_.size();) {
+      std::size_t next = k;
+      while (next < ring_.size() && ring_[next] == ring_[k]) ++next;
+      if (next - k > 2) return Form::kOther;
+      ++num_neighbors_;
+      if (next - k == 1) {
+        ++ends;
+        start = ring_[k];
+      }
+      k = next;
+    }
+    if (ends != 0 && ends != 2) return Form::kOther;
+    // Walk; what is not reached belongs to another piece.
+    const std::size_t vertices = pairs_.size() + (ends == 2 ? 1 : 0);
+    ring_.assign(1, start);
+    std::size_t last = pairs_.size();
+    for (std::size_t found = 1; ring_.size() < vertices && found != 0;) {
+      found = 0;
+      for (std::size_t k = 0; k < pairs_.size(); ++k) {
+        if (k == last || (pairs_[k][0] != ring_.back() && pairs_[k][1] != ring_.back())) continue;
+        const Index next = pairs_[k][0] == ring_.back() ? pairs_[k][1] : pairs_[k][0];
+        if (next == start) continue;
+        ring_.push_back(next);
+        last = k;
+        found = 1;
+        break;
+      }
+    }
+    if (ring_.size() != vertices) return ends == 0 ? Form::kPinched : Form::kOther;
+    if (ends == 2) return Form::kHalfDisk;
+    if (ring_.size() >= 3 && ring_.size() <= static_cast<std::size_t>(DualStar::kMost)) {
+      std::copy(ring_.begin(), ring_.end(), star.ring.begin());
+      star.size = static_cast<std::int8_t>(ring_.size());
+    }
+    return Form::kDisk;
+  }
+
+  double triangle(Index a, Index b, Index c) const {
+    return rating_.triangle(diagram_.site(a).position(), diagram_.site(b).position(), diagram_.site(c).position());
+  }
+  /// Of the last star that form() was asked of.
+  double valence(Form form) const {
+    return form == Form::kOther ? 0 : rating_.valence(num_neighbors_, form == Form::kHalfDisk);
+  }
+  double energy(Index s, DualStar& star) {
+    read(s);
+    double sum = valence(form(star));
+    for (const auto& pair : pairs_) sum += triangle(s, pair[0], pair[1]) / 3;
+    return sum;
+  }
+
+ private:
+  const RestrictedPowerDiagram& diagram_;
+  const DualRating& rating_;
+  std::vector<std::array<Index, 2>> pairs_;
+  std::vector<Index> ring_;
+  int num_neighbors_ = 0;
+};
+
+/// Wanted radii of new samples.
+struct RefillRadii {
+  SizingField field;
+  double least = 0;
+  double at(const SurfacePoint& x) const { return field.empty() ? least : field.radius(x); }
+};
+
+/// Looks for refills that improve what is around a bad item, in copies; reads the diagram, changes nothing. One per thread.
+class RefillFinder {
+ public:
+  RefillFinder(const RestrictedPowerDiagram& diagram, const OptimizedSet& set, const DualRating& rating, const RefillRadii& radii,
+               int refills)
+      : diagram_(diagram), set_(set), radii_(radii), refills_(refills), patch_(rating), trial_(rating), best_patch_(rating) {}
+
+  /// kInPlace is the answer where nothing is found and a patch could not be copied (boundaries).
+  Proposal find(const BadItem& item, Rng rng) {
+    proposal_ = Proposal();
+    bool copied = true;
+    best_gain_ = kLeastGain;
+    const std::size_t corners = item.b == kNone ? 1 : 3;
+    std::array<Index, 3> corner = {item.a, item.b, item.c};
+    for (std::size_t k = corners; k > 1; --k) std::swap(corner[k - 1], corner[rng.below(k)]);
+    // Small patches first: they cost least to try and to carry out.
+    for (std::size_t k = 0; k < corners; ++k) {
+      removed_.assign(1, corner[k]);
+      copied = try_patch(rng) && copied;
+    }
+    if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
+    for (std::size_t k = 0; k < corners; ++k) {
+      removed_.assign(1, corner[k]);
+      if (corners == 3) {
+        removed_.push_back(corner[(k + 1) % 3]);
+      } else {
+        add_random_neighbor(rng);
+      }
+      copied = try_patch(rng) && copied;
+      if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
+    }
+    removed_.assign(corner.begin(), corner.begin() + static_cast<std::ptrdiff_t>(corners));
+    const int neighbors = corners == 1 || rng.below(2) == 0 ? 2 : 0;
+    for (int k = 0; k < neighbors; ++k) add_random_neighbor(rng);
+    copied = try_patch(rng) && copied;
+    if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
+    if (!copied) proposal_.kind = Proposal::Kind::kInPlace;
+    return std::move(proposal_);
+  }
+
+ private:
+  void add_random_neighbor(Rng& rng) {
+    const DualStar& star = set_.star[slot(removed_[rng.below(removed_.size())])];
+    if (star.size == 0) return;
+    const Index s = star.ring[rng.below(static_cast<std::uint64_t>(star.size))];
+    if (std::find(removed_.begin(), removed_.end(), s) == removed_.end()) removed_.push_back(s);
+  }
+
+  /// Several refills of the gap that removed_ leave; the best becomes the proposal if it is an improvement. False if the patch
+  /// cannot be copied.
+  bool try_patch(Rng& rng) {
+    if (!copy_patch()) return false;
+    const double before = patch_.energy() + kPerSample * static_cast<double>(removed_.size());
+    for (std::size_t k = 0; k < removed_.size(); ++k) {
+      if (!patch_.remove(static_cast<int>(k))) return true;
+    }
+    fill_pool(rng);
+    bool improved = false;
+    double best = -best_gain_;
+    for (int refill = 0; refill < refills_ && !pool_.empty(); ++refill) {
+      ++proposal_.trials;
+      if (!try_refill(rng)) continue;
+      const double energy = trial_.energy() + kPerSample * static_cast<double>(chosen_.size()) - before;
+      if (!(energy < best)) continue;
+      best = energy;
+      best_gain_ = -energy;
+      improved = true;
+      proposal_.kind = Proposal::Kind::kRefill;
+      proposal_.added = chosen_;
+    }
+    if (improved) {
+      proposal_.removed = removed_;
+      proposal_.seen = ids_;
+    }
+    return true;
+  }
+
+  int local(Index s) {
+    for (std::size_t k = 0; k < ids_.size(); ++k) {
+      if (ids_[k] == s) return static_cast<int>(k);
+    }
+    ids_.push_back(s);
+    const WeightedPoint& p = diagram_.site(s);
+    const int size = set_.star[slot(s)].size;
+    return patch_.add_vertex(p.position(), p.w, size, size > 0) ? static_cast<int>(ids_.size()) - 1 : -1;
+  }
+
+  /// The stars of removed_ and of their neighbours.
+  bool copy_patch() {
+    patch_.clear();
+    ids_.clear();
+    for (const Index s : removed_) local(s);
+    for (const Index s : removed_) {
+      const DualStar& star = set_.star[slot(s)];
+      if (star.size == 0) return false;
+      for (int k = 0; k < star.size; ++k) {
+        if (local(star.ring[static_cast<std::size_t>(k)]) < 0) return false;
+      }
+    }
+    const std::size_t inner = ids_.size();
+    for (std::size_t v = 0; v < inner; ++v) {
+      const DualStar star = set_.star[slot(ids_[v])];
+      if (star.size == 0) return false;
+      int before = local(star.ring[static_cast<std::size_t>(star.size - 1)]);
+      for (int k = 0; k < star.size; ++k) {
+        const int at = local(star.ring[static_cast<std::size_t>(k)]);
+        if (before < 0 || at < 0) return false;
+        // Once: from the first of its corners.
+        const auto earlier = [&](int u) { return static_cast<std::size_t>(u) < v; };
+        if (!earlier(before) && !earlier(at) && !patch_.add_triangle(static_cast<int>(v), before, at)) return false;
+        before = at;
+      }
+    }
+    patch_.close();
+    return true;
+  }
+
+  /// Uniform darts where removed_ had their cells, outside of all other balls: only there can a gap be.
+  void fill_pool(Rng& rng) {
+    pieces_.clear();
+    double total = 0;
+    for (const Index s : removed_) {
+      for (Index f = diagram_.first_of_site(s); f != kNone; f = diagram_.next_of_site(f)) {
+        const auto polygon = diagram_.polygon(f);
+        for (Index k = 2; k < polygon.size; ++k) {
+          const Vec3 u = polygon.corners[k - 1] - polygon.corners[0], v = polygon.corners[k] - polygon.corners[0];
+          pieces_.push_back({f, k, total += u.cross(v).norm()});
+        }
+      }
+    }
+    pool_.clear();
+    if (!(total > 0)) return;
+    const int first = static_cast<int>(removed_.size()), last = patch_.num_vertices();
+    for (int dart = 0; dart < kPoolDarts && pool_.size() < static_cast<std::size_t>(kPool); ++dart) {
+      const double u = rng.uniform() * total;
+      const auto piece = std::upper_bound(pieces_.begin(), pieces_.end() - 1, u, [](double x, const Piece& p) { return x < p.up_to; });
+      const auto polygon = diagram_.polygon(piece->fragment);
+      const Vec3 b = uniform_barycentric(rng);
+      NewSample sample;
+      sample.x = b[0] * polygon.corners[0] + b[1] * polygon.corners[piece->corner - 1] + b[2] * polygon.corners[piece->corner];
+      double nearest = INFINITY;
+      bool free = true;
+      for (int v = first; v < last && free; ++v) {
+        const double d = (sample.x - patch_.position(v)).squaredNorm();
+        nearest = std::min(nearest, d);
+        free = d >= patch_.weight(v);
+      }
+      if (!free) continue;
+      sample.at.facet = polygon.facet;
+      if (radii_.field.empty()) {
+        sample.radius = radii_.least;
+        if (nearest < sample.radius * sample.radius) continue;
+      } else {
+        sample.at = surface_point(diagram_.mesh(), polygon.facet, sample.x);
+        sample.radius = radius_below(radii_.at(sample.at), nearest);
+      }
+      pool_.push_back(sample);
+    }
+  }
+
+  /// Samples of the pool in random order, each if those before leave it free. False if that is no maximal refill.
+  bool try_refill(Rng& rng) {
+    trial_ = patch_;
+    chosen_.clear();
+    open_.resize(pool_.size());
+    for (std::size_t k = 0; k < open_.size(); ++k) open_[k] = static_cast<std::uint8_t>(k);
+    while (!open_.empty()) {
+      NewSample next = pool_[open_[rng.below(open_.size())]];
+      for (const NewSample& other : chosen_) {
+        if (!radii_.field.empty()) next.radius = radius_below(next.radius, (next.x - other.x).squaredNorm());
+      }
+      if (!trial_.insert(next.x, next.radius * next.radius)) return false;
+      chosen_.push_back(next);
+      const double reach = next.radius * next.radius;
+      open_.erase(std::remove_if(open_.begin(), open_.end(),
+                                 [&](std::uint8_t k) { return (pool_[k].x - next.x).squaredNorm() < reach; }),
+                  open_.end());
+    }
+    return !trial_.has_gap();
+  }
+
+  struct Piece {
+    Index fragment, corner;
+    double up_to;  ///< twice the area of this and all before it
+  };
+
+  const RestrictedPowerDiagram& diagram_;
+  const OptimizedSet& set_;
+  const RefillRadii& radii_;
+  int refills_;
+  double best_gain_ = 0;
+  Proposal proposal_;
+  TrialPatch patch_, trial_, best_patch_;
+  std::vector<Index> removed_, ids_;
+  std::vector<Piece> pieces_;
+  std::vector<NewSample> pool_, chosen_;
+  std::vector<std::uint8_t> open_;
+};
+
+/// Owns the state; carries out proposals.
+class Optimizer {
+ public:
+  Optimizer(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options, double min_angle,
+            double max_angle)
+      : diagram_(diagram),
+        options_(options),
+        rating_(options.angles, options.valences, min_angle, max_angle),
+        reader_(diagram, rating_),
+        radii_{options.sizing, samples.radii.minCoeff()},
+        grid_(grid_for(diagram.mesh(), samples, options.sizing)),
+        rng_(options.seed) {
+    report_.min_angle = min_angle;
+    report_.max_angle = max_angle;
+    const auto n = slot(samples.size());
+    set_.at.resize(n);
+    set_.alive.assign(n, 1);
+    set_.star.resize(n);
+    set_.energy.resize(n);
+    set_.radius.assign(samples.radii.data(), samples.radii.data() + n);
+    changed_at_.assign(n, 0);
+    distrusted_.assign(n, 0);
+    is_new_.assign(n, 0);
+    for (std::size_t s = 0; s < n; ++s) {
+      if (!samples.facets.empty()) {
+        set_.at[s] = {samples.facets[s], samples.barycentrics.row(static_cast<Eigen::Index>(s)).transpose()};
+      }
+      set_.energy[s] = reader_.energy(static_cast<Index>(s), set_.star[s]);
+      grid_.insert(position(static_cast<Index>(s)), set_.radius[s], static_cast<Index>(s));
+    }
+  }
+
+  OptimizeReport run() {
+    int idle = 0;
+    for (int iteration = 0;; ++iteration) {
+      std::vector<BadItem> items = bad_items();
+      if (items.empty()) return end(OptimizeStatus::kDone);
+      if (options_.progress.cancelled()) return end(OptimizeStatus::kCancelled);
+      if (idle == kIdleIterations) return end(OptimizeStatus::kStalled);
+      if (iteration == options_.max_iterations) return end(OptimizeStatus::kIterationLimit);
+      const std::uint64_t accepted = report_.accepted;
+      for (std::size_t k = items.size(); k > 1; --k) std::swap(items[k - 1], items[rng_.below(k)]);
+      const bool goes_on = visit(items);
+      if (goes_on && report_.accepted == accepted && idle >= kIdleBeforeKicks) kick_all(items, idle / kIdlePerSample);
+      if (!goes_on) {
+        bad_items();
+        return end(OptimizeStatus::kCancelled);
+      }
+      idle = report_.accepted == accepted ? idle + 1 : 0;
+    }
+  }
+
+  SampleSet samples(std::vector<Index>& ids) const {
+    ids.clear();
+    for (int made_here = 0; made_here < 2; ++made_here) {
+      for (Index s = 0; s < set_.size(); ++s) {
+        if (set_.alive[slot(s)] && is_new_[slot(s)] == made_here) ids.push_back(s);
+      }
+    }
+    const auto n = static_cast<Eigen::Index>(ids.size());
+    SampleSet result;
+    result.positions.resize(n, 3);
+    result.radii.resize(n);
+    result.barycentrics.resize(n, 3);
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const std::size_t s = slot(ids[static_cast<std::size_t>(k)]);
+      result.positions.row(k) = position(static_cast<Index>(s)).transpose();
+      result.radii[k] = set_.radius[s];
+      result.facets.push_back(set_.at[s].facet);
+      result.barycentrics.row(k) = set_.at[s].barycentric.transpose();
+    }
+    return result;
+  }
+
+ private:
+  static VoxelGrid grid_for(const MeshView& mesh, const SampleSet& samples, const SizingField& sizing) {
+    double least = samples.radii.minCoeff(), greatest = samples.radii.maxCoeff();
+    if (!sizing.empty()) {
+      least = std::min(least, sizing.min_radius());
+      greatest = std::max(greatest, sizing.max_radius());
+    }
+    const Box box = bounding_box(mesh);
+    if (!VoxelGrid::fits(box, least, greatest)) {
+      throw Error(ErrorCode::kTooLarge, "optimisation: radii from " + std::to_string(least) + " to " + std::to_string(greatest) +
+                                            " are out of proportion to the mesh's diagonal " + std::to_string(box.diagonal()) +
+                                            "; stay between 1e-6 and 1e6 of it");
+    }
+    return VoxelGrid(box, least, greatest);
+  }
+
+  Vec3 position(Index s) const { return diagram_.site(s).position(); }
+
+  OptimizeReport end(OptimizeStatus status) {
+    report_.status = status;
+    Index left = 0;
+    for (Index s = 0; s < set_.size(); ++s) {
+      const bool alive = set_.alive[slot(s)] != 0;
+      left += alive && !is_new_[slot(s)];
+      report_.added += alive && is_new_[slot(s)];
+    }
+    report_.removed = num_samples_ - left;
+    return report_;
+  }
+
+  /// What is bad, and a line of the report.
+  std::vector<BadItem> bad_items() {
+    std::vector<BadItem> items;
+    OptimizeIteration line;
+    double least = 180, greatest = 0;
+    const bool all = report_.iterations.empty();
+    for (Index s = 0; s < set_.size(); ++s) {
+      if (!set_.alive[slot(s)]) continue;
+      ++line.samples;
+      line.energy += set_.energy[slot(s)];
+      if (!all && !(set_.energy[slot(s)] > 0)) continue;
+      const auto& pairs = reader_.read(s);
+      for (const auto& pair : pairs) {
+        if (s < pair[0] && (all || reader_.triangle(s, pair[0], pair[1]) > 0)) measure(s, pair[0], pair[1], least, greatest);
+      }
+      list_bad(s, items);
+    }
+    for (const BadItem& item : items) ++(item.b == kNone ? line.bad_vertices : line.bad_triangles);
+    line.min_angle = greatest > 0 ? least : 0;
+    line.max_angle = greatest;
+    line.seconds = seconds_ += watch_.lap();
+    report_.iterations.push_back(line);
+    return items;
+  }
+
+  /// What is bad at s: itself, and triangles of which it is the lowest corner. The star has just been read.
+  void list_bad(Index s, std::vector<BadItem>& items) {
+    DualStar star;
+    if (reader_.valence(reader_.form(star)) > 0) items.push_back({s, kNone, kNone});
+    for (const auto& pair : reader_.pairs()) {
+      if (s < pair[0] && reader_.triangle(s, pair[0], pair[1]) > 0) items.push_back({s, pair[0], pair[1]});
+    }
+  }
+
+  void measure(Index a, Index b, Index c, double& least, double& greatest) const {
+    constexpr double kDegreesPerRadian = 57.29577951308232;
+    const std::array<Vec3, 3> x = {diagram_.site(a).position(), diagram_.site(b).position(), diagram_.site(c).position()};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec3 u = x[(k + 1) % 3] - x[k], v = x[(k + 2) % 3] - x[k];
+      const double angle = kDegreesPerRadian * std::atan2(u.cross(v).norm(), u.dot(v));
+      least = std::min(least, angle);
+      greatest = std::max(greatest, angle);
+    }
+  }
+
+  /// Looks at items batch by batch, in parallel, and does what is proposed, in order. False if cancelled.
+  bool visit(const std::vector<BadItem>& items) {
+    const std::size_t batch = std::min(std::max(set_.alive.size() / 64, kLeastBatch), kMostBatch);
+    for (std::size_t first = 0; first < items.size(); first += batch) {
+      const double done = static_cast<double>(report_.iterations.size()) - 1 + static_cast<double>(first) / static_cast<double>(items.size());
+      if (!options_.progress.report("optimizing", done / options_.max_iterations)) return false;
+      const std::size_t n = std::min(batch, items.size() - first);
+      const std::uint64_t seed = rng_.next();
+      ++clock_;
+      std::vector<Proposal> proposals(n);
+      parallel_for(n, 16, options_.threads, [&](std::size_t begin, std::size_t end) {
+        RefillFinder finder(diagram_, set_, rating_, radii_, options_.refills);
+        for (std::size_t k = begin; k < end; ++k) {
+          const BadItem& item = items[first + k];
+          if (is_current(item)) proposals[k] = finder.find(item, Rng(scramble(seed + k)));
+        }
+      });
+      for (std::size_t k = 0; k < n; ++k) carry_out(items[first + k], proposals[k]);
+    }
+    return true;
+  }
+
+  /// False if something has changed there since the items were listed, that is in this iteration... or it is gone.
+  bool is_current(const BadItem& item) const {
+    for (const Index s : {item.a, item.b, item.c}) {
+      if (s != kNone && (!set_.alive[slot(s)] || !(set_.energy[slot(s)] > 0))) return false;
+    }
+    if (item.b == kNone) return true;
+    const DualStar& star = set_.star[slot(item.a)];
+    for (int k = 0; k < star.size; ++k) {
+      const Index p = star.ring[static_cast<std::size_t>(k)], q = star.ring[static_cast<std::size_t>((k + 1) % star.size)];
+      if ((p == item.b && q == item.c) || (p == item.c && q == item.b)) return true;
+    }
+    return star.size == 0;
+  }
+
+  void carry_out(const BadItem& item, Proposal& proposal) {
+    report_.trials += proposal.trials;
+    if (proposal.kind == Proposal::Kind::kNothing) return;
+    if (proposal.kind == Proposal::Kind::kInPlace || distrusted_[slot(item.a)]) {
+      if (is_current(item) && !changed(item.a)) refill_in_place(item);
+      return;
+    }
+    for (const Index s : proposal.seen) {
+      if (changed(s)) return;
+    }
+    begin_edit(proposal.removed);
+    if (!is_apart(proposal.added)) {  // some disk of another sheet
+      distrusted_[slot(item.a)] = 1;
+      for (const Index s : proposal.removed) grid_.insert(position(s), set_.radius[slot(s)], s);
+      return;
+    }
+    ++report_.edits;
+    Index near = proposal.removed.front();
+    for (const NewSample& sample : proposal.added) near = enter(sample, near);
+    for (const Index s : proposal.removed) take_out(s);
+    if (fill() && improves()) {
+      keep();
+    } else {
+      distrusted_[slot(item.a)] = 1;
+      undo();
+    }
+  }
+
+  bool changed(Index s) const { return changed_at_[slot(s)] == clock_; }
+
+  // An edit: samples leave and come; then keep() or undo().
+
+  struct OldSample {
+    Index id;
+    Vec3 x;
+    SurfacePoint at;
+    double radius, energy;
+    char is_new;
+  };
+
+  void begin_edit(const std::vector<Index>& removed) {
+    old_.clear();
+    added_.clear();
+    touched_.clear();
+    affected_.clear();
+    for (const Index s : removed) {
+      old_.push_back({s, position(s), set_.at[slot(s)], set_.radius[slot(s)], set_.energy[slot(s)], is_new_[slot(s)]});
+      grid_.remove(position(s), set_.radius[slot(s)], s);
+    }
+  }
+
+  void note_changed() {
+    touched_.insert(touched_.end(), diagram_.changed().begin(), diagram_.changed().end());
+    affected_.insert(affected_.end(), diagram_.changed_sites().begin(), diagram_.changed_sites().end());
+  }
+
+  void take_out(Index s) {
+    diagram_.remove(s);
+    set_.alive[slot(s)] = 0;
+    note_changed();
+  }
+
+  Index enter(const NewSample& sample, Index near) {
+    Index s;
+    if (free_.empty()) {
+      s = diagram_.insert(sample.x, sample.radius * sample.radius, near);
+      set_.at.emplace_back();
+      set_.radius.push_back(0);
+      set_.alive.push_back(0);
+      set_.star.emplace_back();
+      set_.energy.push_back(0);
+      changed_at_.push_back(0);
+      distrusted_.push_back(0);
+      is_new_.push_back(1);
+    } else {
+      s = free_.back();
+      free_.pop_back();
+      diagram_.reinsert(s, sample.x, sample.radius * sample.radius, near);
+      is_new_[slot(s)] = 1;
+    }
+    set_.at[slot(s)] = sample.at;
+    set_.radius[slot(s)] = sample.radius;
+    set_.alive[slot(s)] = 1;
+    grid_.insert(sample.x, sample.radius, s);
+    added_.push_back(s);
+    note_changed();
+    return s;
+  }
+
+  void undo_added() {
+    for (const Index s : added_) {
+      grid_.remove(position(s), set_.radius[slot(s)], s);
+      take_out(s);
+      free_.push_back(s);
+    }
+    added_.clear();
+  }
+
+  void undo() {
+    const Index near = neighbor_of_added();
+    undo_added();
+    Index last = near;
+    for (const OldSample& old : old_) {
+      diagram_.reinsert(old.id, old.x, old.radius * old.radius, last);
+      note_changed();
+      grid_.insert(old.x, old.radius, old.id);
+      set_.alive[slot(old.id)] = 1;
+      last = old.id;
+    }
+  }
+
+  /// A sample that stays, near the patch.
+  Index neighbor_of_added() const {
+    for (const Index s : affected_) {
+      if (set_.alive[slot(s)] && std::find(added_.begin(), added_.end(), s) == added_.end()) return s;
+    }
+    return kNone;
+  }
+
+  void keep() {
+    ++report_.accepted;
+    if (journaling_) {
+      journal_.push_back({old_, added_});
+      journal_change_ += change_;
+      region_.insert(region_.end(), affected_.begin(), affected_.end());
+    }
+    for (const OldSample& old : old_) free_.push_back(old.id);
+    for (std::size_t k = 0; k < affected_.size(); ++k) {
+      const std::size_t s = slot(affected_[k]);
+      changed_at_[s] = clock_;
+      distrusted_[s] = 0;
+      set_.energy[s] = energies_[k];
+      set_.star[s] = stars_[k];
+    }
+    for (const Index s : added_) {
+      if (set_.at[slot(s)].facet != kNone && set_.at[slot(s)].barycentric.isZero(0)) {
+        set_.at[slot(s)] = surface_point(diagram_.mesh(), set_.at[slot(s)].facet, diagram_.site(s).position());
+      }
+    }
+  }
+
+  /// Exact: none of these disks has the centre of another one or of a sample in it, nor is in a sample's.
+  bool is_apart(const std::vector<NewSample>& samples) const {
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      const NewSample& p = samples[k];
+      if (grid_.conflicting_sample_by_max(p.x, p.radius) != kNone) return false;
+      for (std::size_t j = 0; j < k; ++j) {
+        const double r = std::max(p.radius, samples[j].radius);
+        if (side_of_ball(p.x.data(), samples[j].x.data(), r * r) < 0) return false;
+      }
+    }
+    return true;
+  }
+
+  /// Energies of what the edit affected, before and after. Only stars of affected sites have changed.
+  bool improves() {
+    std::sort(affected_.begin(), affected_.end());
+    affected_.erase(std::unique(affected_.begin(), affected_.end()), affected_.end());
+    affected_.erase(std::remove_if(affected_.begin(), affected_.end(), [&](Index s) { return !set_.alive[slot(s)]; }), affected_.end());
+    double before = 0, after = 0;
+    for (const OldSample& old : old_) before += old.energy;
+    energies_.resize(affected_.size());
+    stars_.resize(affected_.size());
+    for (std::size_t k = 0; k < affected_.size(); ++k) {
+      const Index s = affected_[k];
+      if (std::find(added_.begin(), added_.end(), s) == added_.end()) before += set_.energy[slot(s)];
+      energies_[k] = reader_.energy(s, stars_[k]);
+      after += energies_[k];
+    }
+    change_ = after - before;
+    return change_ < -kLeastGain || kicking_;
+  }
+
+  // Kicks: what no refill improves is refilled all the same, and what that has made bad is improved in turn. Should the whole be
+  // no improvement, it is undone.
+
+  struct Edit {
+    std::vector<OldSample> old;
+    std::vector<Index> added;
+  };
+
+  void kick_all(const std::vector<BadItem>& items, int more) {
+    std::size_t kicks = 0;
+    for (const BadItem& item : items) {
+      if (kicks == kMostKicks || options_.progress.cancelled()) return;
+      if (!is_current(item)) continue;
+      ++kicks;
+      kick(item, 1 + more);
+    }
+  }
+
+  void kick(const BadItem& item, int more) {
+    RefillFinder finder(diagram_, set_, rating_, radii_, options_.refills);
+    const std::uint64_t accepted = report_.accepted;
+    journaling_ = true;
+    journal_.clear();
+    region_.clear();
+    journal_change_ = 0;
+    kicking_ = true;
+    refill_in_place(item, more);
+    kicking_ = false;
+    std::vector<BadItem> items;
+    for (int round = 0; round < kKickRounds && !journal_.empty() && !(journal_change_ < -kLeastGain); ++round) {
+      items.clear();
+      std::sort(region_.begin(), region_.end());
+      region_.erase(std::unique(region_.begin(), region_.end()), region_.end());
+      for (const Index s : region_) {
+        if (!set_.alive[slot(s)] || !(set_.energy[slot(s)] > 0)) continue;
+        reader_.read(s);
+        list_bad(s, items);
+      }
+      const std::size_t edits = journal_.size();
+      for (const BadItem& bad : items) {
+        if (!is_current(bad)) continue;
+        ++clock_;
+        Proposal proposal = finder.find(bad, Rng(rng_.next()));
+        carry_out(bad, proposal);
+      }
+      if (journal_.size() == edits) break;
+    }
+    journaling_ = false;
+    if (journal_change_ < -kLeastGain) return;
+    roll_back();
+    report_.accepted = accepted;
+  }
+
+  void roll_back() {
+    affected_ = region_;
+    for (std::size_t k = journal_.size(); k-- > 0;) {
+      old_ = journal_[k].old;
+      added_ = journal_[k].added;
+      for (const OldSample& old : old_) {
+        free_.erase(std::find(free_.begin(), free_.end(), old.id));
+        set_.at[slot(old.id)] = old.at;
+        set_.radius[slot(old.id)] = old.radius;
+        is_new_[slot(old.id)] = old.is_new;
+      }
+      undo();
+    }
+    std::sort(affected_.begin(), affected_.end());
+    affected_.erase(std::unique(affected_.begin(), affected_.end()), affected_.end());
+    for (const Index s : affected_) {
+      if (set_.alive[slot(s)]) set_.energy[slot(s)] = reader_.energy(s, set_.star[slot(s)]);
+    }
+  }
+
+  double gap_of(Index f) {
+    if (!diagram_.alive(f)) return 0;
+    const double reach = diagram_.reach(f);
+    const auto polygon = diagram_.polygon(f);
+    const WeightedPoint& site = diagram_.site(polygon.site);
+    if (reach * reach <= site.w || !fragment_has_gap(diagram_, polygon)) return 0;
+    return gap_.assign(fragment_view(diagram_.mesh(), polygon), ball_of(site));
+  }
+
+  /// Darts in the gaps among touched_ until there is none; false if that takes too many.
+  bool fill() {
+    for (int n = 0; n < kRefillSamples; ++n) {
+      std::sort(touched_.begin(), touched_.end());
+      touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+      gaps_.clear();
+      double total = 0;
+      for (const Index f : touched_) {
+        const double area = gap_of(f);
+        if (area > 0) gaps_.push_back({f, total += area});
+      }
+      if (gaps_.empty()) return true;
+      const double u = rng_.uniform() * total;
+      std::size_t k = 0;
+      while (k + 1 < gaps_.size() && gaps_[k].second <= u) ++k;
+      if (!throw_dart(gaps_[k].first)) return false;
+    }
+    return false;
+  }
+
+  bool throw_dart(Index f) {
+    gap_of(f);
+    const auto polygon = diagram_.polygon(f);
+    const Index near = polygon.site;
+    for (int dart = 0; dart < kRefillDarts; ++dart) {
+      NewSample sample;
+      sample.at = surface_point(diagram_.mesh(), polygon.facet, gap_.sample(rng_));
+      sample.x = position_of(diagram_.mesh(), sample.at);
+      if (!sample.x.allFinite()) continue;
+      if (grid_.conflicting_sample_by_max(sample.x, 0) != kNone) continue;
+      sample.radius = radii_.field.empty() ? radii_.least : radii_.at(sample.at);
+      if (!radii_.field.empty()) sample.radius = radius_below(sample.radius, grid_.nearest_squared_distance(sample.x, sample.radius));
+      enter(sample, near);
+      return true;
+    }
+    return false;
+  }
+
+  /// Tries a random patch in the diagram itself.
+  void refill_in_place(const BadItem& item, int more = 0) {
+    std::vector<Index> removed = {item.a};
+    if (item.b != kNone) {
+      const auto choice = rng_.below(3);
+      if (choice > 0) removed.push_back(choice == 1 && rng_.below(2) == 0 ? item.c : item.b);
+      if (choice > 1) removed.push_back(item.c);
+      std::swap(removed[0], removed[rng_.below(removed.size())]);
+    }
+    const int neighbors = (rng_.below(3) == 0 ? 2 : 0) + more;
+    for (int k = 0; k < neighbors; ++k) {
+      const auto& pairs = reader_.read(removed[rng_.below(removed.size())]);
+      if (!pairs.empty()) {
+        const Index s = pairs[rng_.below(pairs.size())][rng_.below(2)];
+        if (std::find(removed.begin(), removed.end(), s) == removed.end()) removed.push_back(s);
+      }
+    }
+    if (static_cast<Index>(removed.size()) + 1 >= diagram_.num_sites() - diagram_.num_removed()) return;
+    begin_edit(removed);
+    for (const Index s : removed) take_out(s);
+    for (int refill = 0; refill < kRefillsInPlace; ++refill) {
+      ++report_.trials;
+      ++report_.edits;
+      if (fill() && improves()) {
+        keep();
+        return;
+      }
+      undo_added();
+    }
+    undo();
+  }
+
+  RestrictedPowerDiagram& diagram_;
+  const OptimizeOptions& options_;
+  const DualRating rating_;
+  StarReader reader_;
+  const RefillRadii radii_;
+  VoxelGrid grid_;  ///< of the samples there are
+  Rng rng_;
+  OptimizedSet set_;
+  std::vector<std::uint64_t> changed_at_;  ///< the batch that changed a sample's star last
+  std::uint64_t clock_ = 0;
+  std::vector<char> distrusted_, is_new_;
+  std::vector<Index> free_;  ///< ids to be used again
+  OptimizeReport report_;
+  const Index num_samples_ = static_cast<Index>(diagram_.num_sites() - diagram_.num_removed());
+  Stopwatch watch_;
+  double seconds_ = 0;
+
+  std::vector<OldSample> old_;
+  double change_ = 0;  ///< of the energy, by the last edit
+  bool kicking_ = false, journaling_ = false;
+  std::vector<Edit> journal_;
+  std::vector<Index> region_;
+  double journal_change_ = 0;
+  std::vector<Index> added_, touched_, affected_;
+  std::vector<double> energies_;
+  std::vector<DualStar> stars_;
+  std::vector<std::pair<Index, double>> gaps_;
+  FragmentGap gap_;
+};
+
+}  // namespace
+
+void require_optimize_options(const OptimizeOptions& options) {
+  const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "optimisation: " + what); };
+  const auto bounded = [](double x, double low, double high) { return x == 0 || (x > low && x < high); };
+  if (!bounded(options.min_angle, 0, 60)) {
+    fail("min_angle is " + std::to_string(options.min_angle) + "; it must be above 0 and below 60 degrees, or 0 for the default");
+  }
+  if (!bounded(options.max_angle, 60, 180)) {
+    fail("max_angle is " + std::to_string(options.max_angle) + "; it must be above 60 and below 180 degrees, or 0 for the default");
+  }
+  if (options.max_iterations < 0) fail("max_iterations is " + std::to_string(options.max_iterations) + "; it must be at least 0");
+  if (options.refills < 1) fail("refills is " + std::to_string(options.refills) + "; it must be at least 1");
+}
+
+OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
+                                std::vector<Index>& ids) {
+  require_optimize_options(options);
+  const bool uniform = samples.radii.minCoeff() == samples.radii.maxCoeff();
+  const double min_angle = options.min_angle != 0 ? options.min_angle : uniform ? 35 : 32;
+  const double max_angle = options.max_angle != 0 ? options.max_angle : uniform ? 105 : 115;
+  Optimizer optimizer(diagram, samples, options, min_angle, max_angle);
+  OptimizeResult result;
+  result.report = optimizer.run();
+  result.samples = optimizer.samples(ids);
+  return result;
+}
+
+}  // namespace detail
+
+OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const OptimizeOptions& options) {
+  detail::require_optimize_options(options);
+  if (!options.sizing.empty() && !options.sizing.fits(mesh)) {
+    throw Error(ErrorCode::kInvalidArgument, "optimisation: the sizing field is of another mesh (" +
+                                                 std::to_string(options.sizing.num_facets()) + " facets; this one has " +
+                                                 std::to_string(mesh.num_facets()) + "); make it from the mesh the samples are on");
+  }
+  RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, options.threads);
+  std::vector<Index> ids;
+  return detail::optimize_diagram(diagram, samples, options, ids);
+}
+
+void write_convergence(std::ostream& out, const OptimizeReport& report) {
+  out << "iteration,bad_triangles,bad_vertices,min_angle,max_angle,samples,energy,seconds\n";
+  for (std::size_t k = 0; k < report.iterations.size(); ++k) {
+    const OptimizeIteration& line = report.iterations[k];
+    out << k << ',' << line.bad_triangles << ',' << line.bad_vertices << ',' << line.min_angle << ',' << line.max_angle << ','
+        << line.samples << ',' << line.energy << ',' << line.seconds << '\n';
+  }
+}
+
+std::ostream& operator<<(std::ostream& out, const OptimizeReport& report) {
+  static constexpr const char* kStatus[] = {"done", "iteration limit", "stalled", "cancelled"};
+  out << "optimisation to [" << report.min_angle << ", " << report.max_angle
+      << "] degrees: " << kStatus[static_cast<std::size_t>(report.status)];
+  if (!report.iterations.empty()) {
+    const OptimizeIteration &first = report.iterations.front(), &last = report.iterations.back();
+    out << " after " << report.iterations.size() - 1 << " iterations; bad triangles " << first.bad_triangles << " -> "
+        << last.bad_triangles << ", bad vertices " << first.bad_vertices << " -> " << last.bad_vertices;
+  }
+  return out << "; samples -" << report.removed << " +" << report.added;
+}
+
+}  // namespace amps

@@ -1,0 +1,100 @@
+// optimize.h: better triangles from the same kind of set. What is bad — a triangle with an angle out of bounds, a vertex with too
+// few or too many neighbours — loses some of its samples, the gap is refilled at random, and the refill is kept if it is better.
+// Vertices never move off their disks: the set stays a maximal Poisson-disk set throughout.
+//
+// Yan & Wonka 2012, §4.2, take out whatever is bad with its neighbours and keep every refill; that stalls near [35°, 105°]. We
+// differ in three things. A refill is kept only if it lowers an energy of the triangles and valences around, and undone
+// otherwise: that goes on to triangles without obtuse angles, always ends, and the last state is the best. Small patches come
+// before large ones. And refills are tried in a copy of the few dual triangles around (trial_patch.h); the diagram is edited
+// only for those that promise to be better, and decides: it is exact, the copy is not.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/mesh.h"
+#include "amps/power_diagram.h"
+#include "amps/sampling.h"
+#include "amps/sizing.h"
+
+#include <cstdint>
+#include <iosfwd>
+#include <memory>
+#include <vector>
+
+namespace amps {
+
+/// What to reach, and when to stop trying.
+struct OptimizeOptions {
+  bool angles = true;    ///< triangles with an angle below min_angle or above max_angle are bad
+  bool valences = true;  ///< inner vertices with less than 5 or more than 7 neighbours, and boundary vertices with more than 5, are
+                         ///< bad; vertices on edges of more than two triangles are not
+  /// Degrees; 0 < min_angle < 60 < max_angle < 180. 0: the paper's, [35, 105] where all radii are equal and [32, 115] elsewhere.
+  double min_angle = 0;
+  double max_angle = 0;
+  /// Visits to everything that is bad, 0 or more.
+  int max_iterations = 1000;
+  /// Refills tried of each patch, at least 1.
+  int refills = 8;
+  /// Same seed, mesh, samples and options: the same result on any number of threads.
+  std::uint64_t seed = 1;
+  unsigned threads = 1;  ///< 0: one per core
+  /// Wanted radii of new samples; empty: the least radius of the set.
+  SizingField sizing;
+  Progress progress;
+};
+
+enum class OptimizeStatus {
+  kDone,            ///< nothing is bad
+  kIterationLimit,  ///< max_iterations spent
+  kStalled,         ///< several visits to everything bad have brought nothing: the bounds are too tight for this set or surface
+  kCancelled,       ///< through Progress
+};
+
+/// The state before an iteration, and one more at the end.
+struct OptimizeIteration {
+  Index bad_triangles = 0;  ///< 0 if angles are not asked for
+  Index bad_vertices = 0;   ///< 0 if valences are not asked for
+  double min_angle = 0;     ///< degrees, over all triangles; 0 if there is none
+  double max_angle = 0;
+  Index samples = 0;
+  double energy = 0;   ///< what is lowered: degrees out of bounds (half of those above), 0.5 a bad triangle, 5 a missing or extra valence
+  double seconds = 0;  ///< wall clock since the start
+};
+
+struct OptimizeReport {
+  OptimizeStatus status = OptimizeStatus::kDone;
+  double min_angle = 0, max_angle = 0;  ///< the bounds used
+  std::vector<OptimizeIteration> iterations;
+  std::uint64_t trials = 0;    ///< refills tried
+  std::uint64_t edits = 0;     ///< those the diagram was edited for
+  std::uint64_t accepted = 0;  ///< those kept
+  Index removed = 0;           ///< samples of the input that are gone
+  Index added = 0;             ///< samples of the result that are new
+};
+std::ostream& operator<<(std::ostream& out, const OptimizeReport& report);
+
+struct OptimizeResult {
+  SampleSet samples;  ///< those of the input that are left, in order, then the new ones
+  OptimizeReport report;
+};
+
+/// Optimises a maximal Poisson-disk set (fill_gaps makes one of any set; if it is not, the gaps near what is changed are filled).
+/// Cancelled or stopped early, the result is the best state so far, a maximal Poisson-disk set as well. Throws as verify_maximal,
+/// and Error(kInvalidArgument) for options out of range or a sizing field of another mesh. About 20 µs a sample to the
+/// paper's bounds. Thread-safe.
+OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const OptimizeOptions& options);
+
+/// Convergence as text, a line an iteration: "iteration,bad_triangles,bad_vertices,min_angle,max_angle,samples,energy,seconds".
+void write_convergence(std::ostream& out, const OptimizeReport& report);
+
+namespace detail {
+
+void require_optimize_options(const OptimizeOptions& options);
+
+/// optimize() on a diagram of exactly these samples, which is edited; what is removed leaves its id unused. `ids` (out): of the samples
+/// of the result.
+OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
+                                std::vector<Index>& ids);
+
+}  // namespace detail
+
+}  // namespace amps

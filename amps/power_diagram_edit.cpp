@@ -1,0 +1,363 @@
+#define AMPS_OWN_SOURCE
+#include "amps/power_diagram.h"
+
+#include "amps/power_diagram_clipper.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+namespace amps {
+
+using detail::slot;
+
+Index RestrictedPowerDiagram::hint_cell(Index near) const {
+  return near == kNone || !visible(near) ? kNone : triangulation_.incident_cell(near + kSentinels);
+}
+
+Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index near) {
+  const Index s = triangulation_.insert(position, weight, hint_cell(near)) - kSentinels;
+  first_of_site_.push_back(kNone);
+  reach_.push_back(kNoCell);
+  num_guards_ += is_guard(s);
+  changed_.clear();
+  changed_sites_.clear();
+  if (visible(s)) take_cell(s, triangulation_.neighbors_of_last_insertion());
+  return s;
+}
+
+void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weight, Index near) {
+  if (s < 0 || s >= num_sites() || !removed(s)) {
+    throw Error(ErrorCode::kInvalidArgument,
+                "restricted power diagram: site " + std::to_string(s) + " is not a removed one; use insert()");
+  }
+  triangulation_.reinsert(s + kSentinels, position, weight, hint_cell(near));
+  num_guards_ += is_guard(s);
+  changed_.clear();
+  changed_sites_.clear();
+  if (!visible(s)) return;
+  std::vector<Index> around = link_of(s);
+  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+    const WeightedPoint &p = site(s), &q = triangulation_.point(v);
+    if (v < kSentinels || p.position() != q.position() || p.w != q.w) continue;
+    // Its duplicate had the cell until now, and no bisector tells the two apart.
+    neighbors(s, around);
+    around.push_back(s);
+    reach_[slot(s)] = 0;
+    share_out(v - kSentinels, around);
+    finish_edit();
+    return;
+  }
+  take_cell(s, around);
+}
+
+/// Gives a new site its cell. `around`: its neighbours, vertices of the triangulation.
+void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around) {
+  // The new cell takes its place from its neighbours and from the sites it has hidden, and from nobody else.
+  std::vector<Plane> planes;
+  for (const Index v : around) {
+    if (v >= kSentinels) planes.push_back(plane(s, v - kSentinels));
+  }
+  std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
+  for (const Plane& plane : planes) {  // worth a tenth of the time of an insertion, where the fragments exceed the cache
+    const Index first = first_of_site(plane.site);
+    if (first == kNone || plane.offset > reach_[slot(plane.site)]) continue;
+    const Index last = std::min(first + detail::kFragmentsPrefetched, fragment_capacity());
+    for (Index f = first; f < last; ++f) detail::prefetch(&fragments_[slot(f)]);
+  }
+  std::vector<Index> touched;
+  for (const Plane& plane : planes) find_touched(plane.site, s, touched);
+  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+    if (v >= kSentinels && v != s + kSentinels) find_touched(v - kSentinels, s, touched);
+  }
+  for (const Index f : touched) prefetch_facet_corners(fragments_[slot(f)].facet);
+  Clipper clipper(*this);
+  std::vector<Index> facets = clip_touched(touched, s, clipper);
+  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+    if (v >= kSentinels && v != s + kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
+  }
+  std::sort(facets.begin(), facets.end());
+  facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
+  for (const Index facet : facets) {
+    clipper.set_facet(facet);
+    clipper.start(s);
+    clipper.clip_all(planes.data(), planes.data() + planes.size());
+    AMPS_ASSERT(!clipper.empty());
+    add_fragment(facet, s, clipper);
+  }
+  update_reach(s);
+  finish_edit();
+}
+
+void RestrictedPowerDiagram::finish_edit() {
+  compact_pools();
+  // A slot freed and used again is listed twice.
+  std::sort(changed_.begin(), changed_.end());
+  changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
+  std::sort(changed_sites_.begin(), changed_sites_.end());
+  changed_sites_.erase(std::unique(changed_sites_.begin(), changed_sites_.end()), changed_sites_.end());
+}
+
+/// Lists the fragments of `site` from which the cell of `by` may take something.
+void RestrictedPowerDiagram::find_touched(Index site, Index by, std::vector<Index>& touched) const {
+  if (plane(site, by).offset > reach_[slot(site)]) return;
+  const detail::SideFilter filter(this->site(site), this->site(by));
+  const double error = largest_facet_error_, slope = filter.slope();
+  for (Index f = first_of_site(site); f != kNone; f = next_of_site(f)) {
+    const Fragment& fragment = fragments_[slot(f)];
+    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error, slope)) continue;
+    touched.push_back(f);
+    prefetch_polygon(f);
+  }
+}
+
+/// Takes the cell of `by` off these fragments, grouped by site, and returns the facets where it took something.
+std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper) {
+  std::vector<Index> facets;
+  for (std::size_t k = 0; k < touched.size();) {
+    const Index site = fragments_[slot(touched[k])].site;
+    bool any_clipped = false;
+    for (; k < touched.size() && fragments_[slot(touched[k])].site == site; ++k) {
+      const Index f = touched[k];
+      clipper.load(polygon(f));
+      if (!clipper.clip(by)) continue;
+      any_clipped = true;
+      facets.push_back(fragments_[slot(f)].facet);
+      changed_.push_back(f);
+      if (clipper.empty()) {
+        free_fragment(f);
+      } else {
+        store_polygon(fragments_[slot(f)], clipper);
+      }
+    }
+    if (!any_clipped) continue;
+    changed_sites_.push_back(site);
+    update_reach(site);
+  }
+  return facets;
+}
+
+// Fragments that an edit touches are far apart in memory. It asks for all of them before it works on the first: on a mesh that
+// exceeds the cache half of its time otherwise is waiting.
+
+/// For the polygon of a fragment, and the corners' indices of its facet.
+void RestrictedPowerDiagram::prefetch_polygon(Index f) const {
+  const Fragment& fragment = fragments_[slot(f)];
+  detail::prefetch(&corners_[slot(fragment.first)]);
+  detail::prefetch(&corners_[slot(fragment.first + fragment.size - 1)]);
+  detail::prefetch(&labels_[slot(fragment.first)]);
+  detail::prefetch(mesh_.triangles.data() + fragment.facet * mesh_.triangles.outerStride());
+  detail::prefetch(&facet_error_[slot(fragment.facet)]);
+}
+
+void RestrictedPowerDiagram::prefetch_facet_corners(Index facet) const {
+  for (int c = 0; c < 3; ++c) detail::prefetch(mesh_.position(mesh_.triangles(facet, c)));
+}
+
+/// The neighbours of a visible site, vertices of the triangulation.
+std::vector<Index> RestrictedPowerDiagram::link_of(Index s) {
+  std::vector<Index> star, link;
+  triangulation_.incident_cells(s + kSentinels, star);
+  stamp_.resize(slot(triangulation_.num_vertices()), 0);
+  if (++last_stamp_ == 0) {
+    std::fill(stamp_.begin(), stamp_.end(), 0u);
+    last_stamp_ = 1;
+  }
+  stamp_[slot(s + kSentinels)] = last_stamp_;
+  for (const Index c : star) {
+    for (const Index v : triangulation_.cell(c).vertex) {
+      if (v == RegularTriangulation::kInfinite || stamp_[slot(v)] == last_stamp_) continue;
+      stamp_[slot(v)] = last_stamp_;
+      link.push_back(v);
+    }
+  }
+  return link;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------------
+// Local removal
+//
+// What a site leaves in a facet is a convex polygon, to be divided among its heirs: its neighbours in space and the sites that
+// it alone has hidden. A site beyond an edge of it gets the strip along that edge, hence a larger fragment: its old one, grown
+// over the edge as far as the facet reaches, and cut by the other heirs. The edges of the grown ones lead to heirs that had
+// nothing in the facet. Fragments that have no edge with the polygon stay as they are, as do other facets.
+
+void RestrictedPowerDiagram::remove(Index s) {
+  if (s < 0 || s >= num_sites() || removed(s)) {
+    throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: there is no site " + std::to_string(s) + "; ids are 0 to " +
+                                                 std::to_string(num_sites() - 1) + ", less those removed");
+  }
+  if (num_removed() + 1 == num_sites()) {
+    throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: site " + std::to_string(s) +
+                                                 " is the last one, and a diagram has at least one; insert another first");
+  }
+  keep_a_guard(s);
+  changed_.clear();
+  changed_sites_.clear();
+  const bool had_cell = visible(s);
+  std::vector<Index> heirs;
+  if (had_cell) heirs = link_of(s);
+  const Index hidden = triangulation_.num_hidden();
+  triangulation_.remove(s + kSentinels);
+  if (!had_cell) return;
+  if (triangulation_.num_hidden() != hidden) add_uncovered(heirs);
+  heirs.erase(std::remove_if(heirs.begin(), heirs.end(), [](Index v) { return v < kSentinels; }), heirs.end());
+  for (Index& heir : heirs) heir -= kSentinels;
+  share_out(s, heirs);
+  finish_edit();
+}
+
+bool RestrictedPowerDiagram::is_guard(Index s) const {
+  const WeightedPoint& p = site(s);
+  return p.w >= least_weight_ && (p.position().array() >= low_.array()).all() && (p.position().array() <= high_.array()).all();
+}
+
+/// Before the removal of s: if it is the last guard, the sentinels move so that all sites are guards. No cell on the mesh changes.
+void RestrictedPowerDiagram::keep_a_guard(Index s) {
+  if (!is_guard(s)) return;
+  if (--num_guards_ > 0) return;
+  for (Index u = 0; u < num_sites(); ++u) {
+    if (removed(u)) continue;
+    low_ = low_.cwiseMin(site(u).position());
+    high_ = high_.cwiseMax(site(u).position());
+    least_weight_ = std::min(least_weight_, site(u).w);
+  }
+  Index v = 0;
+  for (const WeightedPoint& sentinel : sentinels()) triangulation_.move(v++, sentinel.position(), sentinel.w);
+  num_guards_ = num_sites() - num_removed() - 1;
+  for (Index u = 0; u < num_sites(); ++u) {  // a duplicate of a sentinel, and the like
+    if (visible(u) != (reach_[slot(u)] != kNoCell)) update_reach(u);
+  }
+}
+
+/// Adds to the neighbours of a removed site (vertices of the triangulation) those that have come back from hiding. They and the
+/// neighbours fill its place, so that each is joined to a neighbour by edges between such vertices.
+void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& heirs) {
+  std::vector<Index> around;
+  for (std::size_t k = 0; k < heirs.size(); ++k) {
+    triangulation_.neighbors(heirs[k], around);
+    for (const Index v : around) {
+      const bool fresh = v < kSentinels ? std::find(heirs.begin(), heirs.end(), v) == heirs.end()
+                                        : reach_[slot(v - kSentinels)] == kNoCell;
+      if (!fresh) continue;
+      if (v >= kSentinels) reach_[slot(v - kSentinels)] = 0;
+      heirs.push_back(v);
+    }
+  }
+}
+
+/// Divides the fragments of s, which has no cell any more, among the heirs.
+void RestrictedPowerDiagram::share_out(Index s, const std::vector<Index>& heirs) {
+  std::vector<Index> left, contenders, owners;
+  for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
+    left.push_back(f);
+    prefetch_polygon(f);
+    detail::prefetch(&first_of_facet_[slot(fragments_[slot(f)].facet)]);
+  }
+  for (const Index f : left) {
+    const Index facet = fragments_[slot(f)].facet;
+    prefetch_facet_corners(facet);
+    Index grown = first_of_facet(facet);
+    for (Index k = 0; k < detail::kFragmentsPrefetched && grown != kNone; ++k, grown = next_of_facet(grown)) prefetch_polygon(grown);
+  }
+  Clipper clipper(*this);
+  reach_[slot(s)] = kNoCell;
+  for (const Index f : left) {
+    find_contenders(f, heirs, contenders);
+    share_out_facet(f, contenders, clipper, owners);
+  }
+}
+
+/// The heirs that may own something in fragment f. At its points, in the ball around it, the owner's power is at most what any
+/// heir's can be there.
+void RestrictedPowerDiagram::find_contenders(Index f, const std::vector<Index>& heirs, std::vector<Index>& contenders) const {
+  const Fragment& fragment = fragments_[slot(f)];
+  const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
+  const double radius = fragment.radius + largest_facet_error_;
+  const auto slack = [](double d, double w) { return detail::kOffsetSlack * (d * d + std::fabs(w)); };
+  double most = INFINITY;
+  for (const Index heir : heirs) {
+    const double d = (site(heir).position() - centre).norm() + radius, w = site(heir).w;
+    most = std::min(most, d * d - w + slack(d, w));
+  }
+  contenders.clear();
+  for (const Index heir : heirs) {
+    const double d = std::max((site(heir).position() - centre).norm() - radius, 0.0), w = site(heir).w;
+    if (!(d * d - w - slack(d, w) > most)) contenders.push_back(heir);  // NaN, from overflow, decides nothing
+  }
+}
+
+/// `owners`: scratch.
+void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& contenders, Clipper& clipper,
+                                             std::vector<Index>& owners) {
+  const Polygon left = polygon(f);
+  owners.clear();
+  for (Index k = 0; k < left.size; ++k) {
+    if (is_site(left.labels[k])) owners.push_back(left.labels[k]);
+  }
+  free_fragment(f);
+  changed_.push_back(f);
+  changed_sites_.push_back(left.site);
+  if (owners.empty()) owners.push_back(owner_of_corner(left.facet, contenders));
+  for (std::size_t n = 0; n < owners.size(); ++n) {
+    const Index owner = owners[n], grown = fragment_of(left.facet, owner);
+    if (grown == kNone) {
+      clipper.set_facet(left.facet);
+      clipper.start(owner);
+    } else {
+      clipper.load_without(polygon(grown), left.site);
+    }
+    // Those with edges here first: they cut off the most.
+    for (const Index other : owners) {
+      if (other != owner && !clipper.has_label(other)) clipper.clip(other);
+    }
+    for (const Index other : contenders) {
+      if (other != owner && !clipper.has_label(other)) clipper.clip(other);
+    }
+    AMPS_ASSERT(!clipper.empty());
+    for (const Index label : clipper.labels()) {
+      if (!is_site(label) || std::find(owners.begin(), owners.end(), label) != owners.end()) continue;
+      const Index* const labels = grown == kNone ? nullptr : polygon(grown).labels;
+      if (grown == kNone || std::find(labels, labels + polygon(grown).size, label) == labels + polygon(grown).size) {
+        owners.push_back(label);
+      }
+    }
+    if (grown == kNone) {
+      add_fragment(left.facet, owner, clipper);
+    } else {
+      store_polygon(fragments_[slot(grown)], clipper);
+      changed_.push_back(grown);
+      changed_sites_.push_back(owner);
+    }
+    const double farthest = reach(grown == kNone ? changed_.back() : grown);
+    double& known = reach_[slot(owner)];
+    if (farthest > known || std::isnan(farthest)) known = farthest;
+  }
+}
+
+/// Which of these sites owns the first corner of the facet.
+Index RestrictedPowerDiagram::owner_of_corner(Index facet, const std::vector<Index>& among) const {
+  const double* const x = mesh_.position(mesh_.triangles(facet, 0));
+  const double* const corners[3] = {x, x, x};
+  AMPS_ASSERT(!among.empty());
+  Index best = among.front();
+  for (const Index other : among) {
+    if (other != best && side_of_corner(corners, 0, Bisector(site(best), site(other), corners)) < 0) best = other;
+  }
+  return best;
+}
+
+/// The fragment of the site in the facet, if any. In time proportional to the shorter of their lists, or better.
+Index RestrictedPowerDiagram::fragment_of(Index facet, Index site) const {
+  Index a = first_of_facet(facet), b = first_of_site(site);
+  while (a != kNone && b != kNone) {
+    if (fragments_[slot(a)].site == site) return a;
+    if (fragments_[slot(b)].facet == facet) return b;
+    a = next_of_facet(a);
+    b = next_of_site(b);
+  }
+  return kNone;
+}
+
+}  // namespace amps

@@ -1,0 +1,258 @@
+#define AMPS_OWN_SOURCE
+#include "amps/trial_patch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace amps::detail {
+namespace {
+
+constexpr double kPatchDegree = 3.14159265358979323846 / 180;
+/// Bounds are kept by this much more, in degrees, so that other formulas for an angle agree that they are.
+constexpr double kBoundMargin = 1e-9;
+constexpr double kPerBadTriangle = 0.5;
+/// An angle above its bound counts this times as much as one below.
+constexpr double kObtuseShare = 0.5;
+
+/// Orthocentre of three weighted points in their plane: the point of equal power.
+Vec3 dual_point(const Vec3& a, double wa, const Vec3& b, double wb, const Vec3& c, double wc) {
+  const Vec3 u = b - a, v = c - a, n = u.cross(v);
+  const double bu = u.squaredNorm() - wb + wa, bv = v.squaredNorm() - wc + wa;
+  return a + (bu * v.cross(n) + bv * n.cross(u)) / (2 * n.squaredNorm());
+}
+
+inline int count_bits(std::uint64_t x) {
+  int n = 0;
+  for (; x != 0; x &= x - 1) ++n;
+  return n;
+}
+
+inline int lowest_bit(std::uint64_t x) {
+#if defined(__GNUC__) || defined(__clang__)
+  return __builtin_ctzll(x);
+#else
+  int n = 0;
+  for (; (x & 1) == 0; x >>= 1) ++n;
+  return n;
+#endif
+}
+
+inline std::uint64_t bit(int v) { return std::uint64_t{1} << v; }
+
+}  // namespace
+
+DualRating::DualRating(bool angles, bool valences, double min_angle, double max_angle) : angles_(angles), valences_(valences) {
+  const auto cosine = [](double degrees) { return std::cos(degrees * kPatchDegree); };
+  const auto slope = [](double degrees) { return 1 / (kPatchDegree * std::sin(degrees * kPatchDegree)); };
+  if (!angles) return;
+  cos_min_ = cosine(min_angle + kBoundMargin);
+  cos_max_ = cosine(max_angle - kBoundMargin);
+  below_ = slope(min_angle);
+  above_ = kObtuseShare * slope(max_angle);
+}
+
+/// Law of cosines, from squared lengths.
+double DualRating::corner(double beside, double other, double opposite) const {
+  const double cosine = (beside + other - opposite) / (2 * std::sqrt(beside * other));
+  if (cosine > cos_min_) return below_ * (cosine - cos_min_) + kPerBadTriangle / 2;
+  if (cosine < cos_max_) return above_ * (cos_max_ - cosine) + kPerBadTriangle;
+  return 0;
+}
+
+TrialPatch& TrialPatch::operator=(const TrialPatch& other) {
+  rating_ = other.rating_;
+  num_vertices_ = other.num_vertices_;
+  num_triangles_ = other.num_triangles_;
+  const auto v = static_cast<std::size_t>(num_vertices_), t = static_cast<std::size_t>(num_triangles_);
+  std::copy_n(other.position_.begin(), v, position_.begin());
+  std::copy_n(other.weight_.begin(), v, weight_.begin());
+  std::copy_n(other.neighbors_.begin(), v, neighbors_.begin());
+  std::copy_n(other.rated_.begin(), v, rated_.begin());
+  std::copy_n(other.border_.begin(), v, border_.begin());
+  std::copy_n(other.triangles_.begin(), t, triangles_.begin());
+  return *this;
+}
+
+bool TrialPatch::add_vertex(const Vec3& x, double weight, int neighbors, bool rated) {
+  if (num_vertices_ == kMaxVertices) return false;
+  const auto v = static_cast<std::size_t>(num_vertices_++);
+  position_[v] = x;
+  weight_[v] = weight;
+  neighbors_[v] = static_cast<std::int16_t>(neighbors);
+  rated_[v] = rated;
+  border_[v] = 0;
+  return true;
+}
+
+bool TrialPatch::add_triangle(int a, int b, int c) {
+  if (num_triangles_ == kMaxTriangles) return false;
+  append(a, b, c);
+  for (const int v : {a, b, c}) --neighbors_[static_cast<std::size_t>(v)];  // the caller has counted it
+  return true;
+}
+
+void TrialPatch::close() {
+  for (int v = 0; v < num_vertices_; ++v) border_[static_cast<std::size_t>(v)] = 0;
+  for (int t = 0; t < num_triangles_; ++t) {
+    const auto& corner = triangles_[static_cast<std::size_t>(t)].corner;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const int u = corner[k], v = corner[(k + 1) % 3];
+      border_[static_cast<std::size_t>(u)] ^= bit(v);
+      border_[static_cast<std::size_t>(v)] ^= bit(u);
+    }
+  }
+}
+
+/// One triangle more; its corners have one neighbour more, as on any disk or half disk.
+void TrialPatch::append(int a, int b, int c) {
+  Triangle& t = triangles_[static_cast<std::size_t>(num_triangles_++)];
+  const auto ia = static_cast<std::size_t>(a), ib = static_cast<std::size_t>(b), ic = static_cast<std::size_t>(c);
+  t.corner = {static_cast<std::uint8_t>(a), static_cast<std::uint8_t>(b), static_cast<std::uint8_t>(c)};
+  t.dual = dual_point(position_[ia], weight_[ia], position_[ib], weight_[ib], position_[ic], weight_[ic]);
+  t.power = (t.dual - position_[ia]).squaredNorm() - weight_[ia];
+  t.rating = rating_->triangle(position_[ia], position_[ib], position_[ic]);
+  for (const std::size_t v : {ia, ib, ic}) ++neighbors_[v];
+}
+
+void TrialPatch::drop(int t) {
+  for (const std::uint8_t v : triangles_[static_cast<std::size_t>(t)].corner) --neighbors_[v];
+  triangles_[static_cast<std::size_t>(t)] = triangles_[static_cast<std::size_t>(--num_triangles_)];
+}
+
+bool TrialPatch::remove(int v) {
+  // Its triangles, as the edges opposite of it.
+  constexpr int kMaxRing = 16;
+  std::array<std::array<std::uint8_t, 2>, kMaxRing> edges;
+  int size = 0;
+  for (int t = 0; t < num_triangles_;) {
+    const auto& c = triangles_[static_cast<std::size_t>(t)].corner;
+    const int at = c[0] == v ? 0 : c[1] == v ? 1 : c[2] == v ? 2 : 3;
+    if (at == 3) {
+      ++t;
+      continue;
+    }
+    if (size == kMaxRing) return false;
+    edges[static_cast<std::size_t>(size++)] = {c[static_cast<std::size_t>((at + 1) % 3)], c[static_cast<std::size_t>((at + 2) % 3)]};
+    drop(t);
+  }
+  rated_[static_cast<std::size_t>(v)] = false;
+  std::array<std::uint8_t, kMaxRing> ring;
+  if (size < 3) return false;
+  ring[0] = edges[0][0];
+  ring[1] = edges[0][1];
+  for (int k = 1; k + 1 < size; ++k) {
+    int next = k;
+    while (next < size && edges[static_cast<std::size_t>(next)][0] != ring[static_cast<std::size_t>(k)] &&
+           edges[static_cast<std::size_t>(next)][1] != ring[static_cast<std::size_t>(k)]) {
+      ++next;
+    }
+    if (next == size) return false;
+    std::swap(edges[static_cast<std::size_t>(k)], edges[static_cast<std::size_t>(next)]);
+    const auto& edge = edges[static_cast<std::size_t>(k)];
+    ring[static_cast<std::size_t>(k + 1)] = edge[0] == ring[static_cast<std::size_t>(k)] ? edge[1] : edge[0];
+  }
+  const auto& last = edges[static_cast<std::size_t>(size - 1)];
+  const std::uint8_t end = ring[static_cast<std::size_t>(size - 1)];
+  if (!(last[0] == end && last[1] == ring[0]) && !(last[1] == end && last[0] == ring[0])) return false;
+  return fill(ring.data(), size);
+}
+
+/// Cuts off ears: always one that is convex, seen along the normal of the whole, and whose dual point is nearest to its own corners,
+/// or nearly.
+bool TrialPatch::fill(const std::uint8_t* ring, int size) {
+  std::array<std::uint8_t, 16> left;
+  std::copy_n(ring, size, left.begin());
+  Vec3 normal = Vec3::Zero();
+  for (int k = 2; k < size; ++k) {
+    normal += (position_[ring[k - 1]] - position_[ring[0]]).cross(position_[ring[k]] - position_[ring[0]]);
+  }
+  for (; size > 3; --size) {
+    int best = -1;
+    double best_margin = -std::numeric_limits<double>::infinity();
+    for (int k = 0; k < size && best_margin < 0; ++k) {
+      const auto at = [&](int i) { return left[static_cast<std::size_t>((k + i + size) % size)]; };
+      const Vec3 &a = position_[at(-1)], &b = position_[at(0)], &c = position_[at(1)];
+      if (!((b - a).cross(c - b).dot(normal) > 0)) continue;
+      const Vec3 dual = dual_point(a, weight_[at(-1)], b, weight_[at(0)], c, weight_[at(1)]);
+      const double power = (dual - a).squaredNorm() - weight_[at(-1)];
+      double margin = std::numeric_limits<double>::infinity();
+      for (int i = 2; i + 1 < size; ++i) {
+        margin = std::min(margin, (dual - position_[at(i)]).squaredNorm() - weight_[at(i)] - power);
+      }
+      if (margin > best_margin) {
+        best_margin = margin;
+        best = k;
+      }
+    }
+    if (best < 0) return false;
+    const auto at = [&](int i) { return left[static_cast<std::size_t>((best + i + size) % size)]; };
+    append(at(-1), at(0), at(1));
+    std::copy(left.begin() + best + 1, left.begin() + size, left.begin() + best);
+  }
+  append(left[0], left[1], left[2]);
+  return true;
+}
+
+bool TrialPatch::insert(const Vec3& x, double weight) {
+  if (num_vertices_ == kMaxVertices) return false;
+  std::array<std::uint64_t, kMaxVertices> rim;  // bit v of u: the edge uv belongs to one triangle that makes way
+  std::uint64_t on_rim = 0;
+  int gone = 0;
+  for (int t = 0; t < num_triangles_;) {
+    const Triangle& triangle = triangles_[static_cast<std::size_t>(t)];
+    if (!((triangle.dual - x).squaredNorm() - weight < triangle.power)) {
+      ++t;
+      continue;
+    }
+    ++gone;
+    const auto corner = triangle.corner;
+    for (const std::uint8_t v : corner) {
+      if ((on_rim & bit(v)) == 0) rim[v] = 0;
+      on_rim |= bit(v);
+    }
+    for (std::size_t k = 0; k < 3; ++k) {
+      const int u = corner[k], v = corner[(k + 1) % 3];
+      rim[static_cast<std::size_t>(u)] ^= bit(v);
+      rim[static_cast<std::size_t>(v)] ^= bit(u);
+    }
+    drop(t);
+  }
+  const int size = gone + 2;  // of a rim around a disk without vertices inside
+  if (gone == 0 || num_triangles_ + size > kMaxTriangles || count_bits(on_rim) != size) return false;
+  for (std::uint64_t rest = on_rim; rest != 0; rest &= rest - 1) {
+    const auto v = static_cast<std::size_t>(lowest_bit(rest));
+    if (count_bits(rim[v]) != 2 || (rim[v] & border_[v]) != 0) return false;
+  }
+  const int added = num_vertices_;
+  add_vertex(x, weight, 0, true);
+  const int start = lowest_bit(on_rim);
+  int before = start, at = lowest_bit(rim[static_cast<std::size_t>(start)]);
+  for (int k = 1;; ++k) {
+    append(before, at, added);
+    const int next = lowest_bit(rim[static_cast<std::size_t>(at)] & ~bit(before));
+    before = at;
+    at = next;
+    if (before == start) return k == size;  // else there is more than one cycle
+  }
+}
+
+double TrialPatch::energy() const {
+  double sum = 0;
+  for (int t = 0; t < num_triangles_; ++t) sum += triangles_[static_cast<std::size_t>(t)].rating;
+  for (int v = 0; v < num_vertices_; ++v) {
+    if (rated_[static_cast<std::size_t>(v)]) sum += rating_->valence(neighbors_[static_cast<std::size_t>(v)], false);
+  }
+  return sum;
+}
+
+bool TrialPatch::has_gap() const {
+  constexpr double kDeepGap = 0.01;
+  for (int t = 0; t < num_triangles_; ++t) {
+    const Triangle& triangle = triangles_[static_cast<std::size_t>(t)];
+    if (triangle.power > kDeepGap * weight_[triangle.corner[0]]) return true;
+  }
+  return false;
+}
+
+}  // namespace amps::detail
