@@ -76,6 +76,9 @@ grep -q '^Hausdorff distance *0.5   (10 % of its diagonal)' log/out || fail "Hau
 grep -q '^RMS distance *0.5   (10 % of its diagonal)' log/out || fail "RMS distance: $(grep RMS log/out)"
 awk -v h="$(number hausdorff_percent distance.json)" -v r="$(number rms_percent distance.json)" -v d="$(number reference_diagonal distance.json)" \
   'BEGIN { exit !(h >= 10 - 1e-9 && h < 10.001 && r > 9.9999 && r < 10.0001 && d == 5) }' || fail "distance: $(cat distance.json)"
+printf 'OFF\n4 2 0\n0 0 0.5\n6 0 0.5\n6 8 0.5\n0 8 0.5\n3 0 1 2\n3 0 2 3\n' >wide.off
+run 0 info flat_0.off --reference wide.off  # from the corner (6, 8, 0.5) to (3, 4, 0); the diagonal is 10
+grep -q '^Hausdorff distance *5.024.*(50.2[45] % of its diagonal)' log/out || fail "Hausdorff distance: $(grep Hausdorff log/out)"
 run 0 info flat_0.off --json distance.json
 ! grep -q '"distance"' distance.json || fail "a distance without a reference"
 run 0 info sphere.obj --reference sphere.obj --threads 2 --json distance.json
