@@ -48,6 +48,8 @@
 //   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
 //   quality.h        angles, edges, areas, valences
+//   surface_tree.h   SurfaceTree: the nearest point of a surface
+//   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces
 //   remesh.h         the dual triangulation, and the whole pipeline in one call
 #pragma once
 
@@ -68,4 +70,6 @@
 #include "amps/optimize.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
+#include "amps/surface_tree.h"
+#include "amps/surface_distance.h"
 #include "amps/remesh.h"

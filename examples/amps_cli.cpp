@@ -335,6 +335,40 @@ void require_sample_output(const Arguments& arguments, const std::string& path) 
 
 // --- What several commands print ------------------------------------------------------------------------------------
 
+void print_distance(const Table& table, const amps::DistanceReport& report) {
+  const auto row = [&](const char* name, double distance) {
+    table.row(name, format("%.6g   (%.4g %% of its diagonal)", distance, report.percent(distance)));
+  };
+  row("Hausdorff distance", report.hausdorff());
+  row("RMS distance", report.rms());
+  row("mean distance", report.mean());
+}
+
+void add_one_sided(Json& json, const char* key, const amps::OneSidedDistance& side) {
+  json.open(key)
+      .add("hausdorff", side.hausdorff)
+      .add("hausdorff_lower", side.hausdorff_lower)
+      .add("rms", side.rms)
+      .add("mean", side.mean)
+      .close();
+}
+
+void add_distance(Json& json, const std::string& reference, const amps::DistanceReport& report) {
+  json.open("distance")
+      .add("reference", reference)
+      .add("reference_diagonal", report.diagonal)
+      .add("hausdorff", report.hausdorff())
+      .add("hausdorff_lower", report.hausdorff_lower())
+      .add("rms", report.rms())
+      .add("mean", report.mean())
+      .add("hausdorff_percent", report.percent(report.hausdorff()))
+      .add("rms_percent", report.percent(report.rms()))
+      .add("mean_percent", report.percent(report.mean()));
+  add_one_sided(json, "from_reference", report.forward);
+  add_one_sided(json, "to_reference", report.backward);
+  json.close();
+}
+
 void print_topology(const Table& table, const amps::TopologyReport& in, const amps::TopologyReport& out) {
   const auto row = [&](const char* name, amps::Index amps::TopologyReport::*member) {
     table.row(name, number(in.*member), number(out.*member));
@@ -730,10 +764,15 @@ int run_gaps(const Arguments& arguments) {
 
 int run_info(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
-  const amps::Mesh mesh = amps::read_mesh(arguments.operand(0));
+  const bool compare = arguments.has("--reference");
+  amps::DistanceOptions options;
+  options.threads = threads_of(arguments);
+  const amps::Mesh mesh = compare ? load(arguments.operand(0)) : amps::read_mesh(arguments.operand(0));
   const amps::MeshReport report = amps::check(mesh);
   const amps::TopologyReport& shape = report.topology;
   const amps::QualityReport quality = report.usable() ? amps::quality(mesh) : amps::QualityReport();
+  amps::DistanceReport distance;
+  if (compare) distance = amps::surface_distance(load(arguments.text("--reference")), mesh, options);
 
   Json json = begin_json("info");
   json.add("usable", report.usable())
@@ -749,6 +788,7 @@ int run_info(const Arguments& arguments) {
       .add("isolated_vertices", report.isolated_vertices);
   add_topology(json, "topology", shape);
   if (report.usable()) add_quality(json, quality, 0);
+  if (compare) add_distance(json, arguments.text("--reference"), distance);
   write_json(arguments, json);
 
   const Table table(arguments.quiet());
@@ -777,6 +817,10 @@ int run_info(const Arguments& arguments) {
   trouble("indices out of range", report.out_of_range_facets);
   trouble("non-finite vertices", report.non_finite_vertices);
   if (report.usable()) print_quality(table, quality, 0);
+  if (compare) {
+    table.row("reference", arguments.text("--reference"));
+    print_distance(table, distance);
+  }
   table.row("can be remeshed", report.usable() ? "yes" : "no");
   return kExitDone;
 }
@@ -884,8 +928,10 @@ const std::vector<Command>& commands() {
       {"info",
        "IN",
        "say what a mesh is like, and what is wrong with it",
-       "IN is a mesh (.obj .off .ply .stl).",
-       {kJson},
+       "IN is a mesh (.obj .off .ply .stl). With a reference, such as the mesh IN was made from, also: how far the surfaces are\n"
+       "apart. No point of either is farther from the other than the Hausdorff distance; root mean square (RMS) and mean are\n"
+       "over each surface, and the greater of both directions is given.",
+       {{"--reference", "FILE", "tell the distance to this mesh, too"}, kThreads, kJson},
        run_info},
       {"make",
        "SHAPE OUT",

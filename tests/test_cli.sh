@@ -67,6 +67,24 @@ for extension in off ply stl; do
   run 0 info torus.$extension
 done
 
+echo "-- distance to a reference"
+for z in 0 0.5; do
+  printf 'OFF\n4 2 0\n0 0 %s\n3 0 %s\n3 4 %s\n0 4 %s\n3 0 1 2\n3 0 2 3\n' $z $z $z $z >flat_$z.off
+done
+run 0 info flat_0.5.off --reference flat_0.off --json distance.json
+grep -q '^Hausdorff distance *0.5   (10 % of its diagonal)' log/out || fail "Hausdorff distance: $(grep Hausdorff log/out)"
+grep -q '^RMS distance *0.5   (10 % of its diagonal)' log/out || fail "RMS distance: $(grep RMS log/out)"
+awk -v h="$(number hausdorff_percent distance.json)" -v r="$(number rms_percent distance.json)" -v d="$(number reference_diagonal distance.json)" \
+  'BEGIN { exit !(h >= 10 - 1e-9 && h < 10.001 && r > 9.9999 && r < 10.0001 && d == 5) }' || fail "distance: $(cat distance.json)"
+printf 'OFF\n4 2 0\n0 0 0.5\n6 0 0.5\n6 8 0.5\n0 8 0.5\n3 0 1 2\n3 0 2 3\n' >wide.off
+run 0 info flat_0.off --reference wide.off  # from the corner (6, 8, 0.5) to (3, 4, 0); the diagonal is 10
+grep -q '^Hausdorff distance *5.024.*(50.2[45] % of its diagonal)' log/out || fail "Hausdorff distance: $(grep Hausdorff log/out)"
+run 0 info flat_0.off --json distance.json
+! grep -q '"distance"' distance.json || fail "a distance without a reference"
+run 0 info sphere.obj --reference sphere.obj --threads 2 --json distance.json
+awk -v r="$(number rms distance.json)" 'BEGIN { exit !(r >= 0 && r < 1e-14) }' || fail "a sphere is $(number rms distance.json) from itself"
+bad "missing.obj" info sphere.obj --reference missing.obj
+
 echo "-- sampling and gaps"
 run 0 sample torus.obj set.xyzr --radius 0.1 --seed 3 --json sample.json
 run 0 gaps torus.obj set.xyzr primitives.obj
@@ -200,6 +218,8 @@ for file in missing.obj range.off short.off nan.off inf.off flat.off points.off 
   bad "$file" remesh $file no.obj --radius 0.1
 done
 bad "empty" info empty
+bad "flat.off" info flat.off --reference torus.obj
+bad "flat.off" info torus.obj --reference flat.off
 bad "missing.xyzr" gaps torus.obj missing.xyzr
 printf '0 0 0 -1\n' >negative.xyzr
 printf '0 0 zero 1\n' >word.xyzr

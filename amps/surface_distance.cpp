@@ -1,0 +1,499 @@
+#define AMPS_OWN_SOURCE
+#include "amps/surface_distance.h"
+
+#include "amps/spatial_sort.h"
+#include "amps/surface_tree.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <deque>
+#include <iomanip>
+#include <limits>
+#include <locale>
+#include <ostream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace amps {
+namespace {
+
+/// A point of a facet of `from` with its distance to `to`.
+struct DistancePoint {
+  Vec3 barycentric = Vec3::Zero();
+  double distance = 0;
+  Index nearest = kNone;  ///< facet of `to`
+};
+
+using DistanceCorners = std::array<DistancePoint, 3>;
+
+/// The greatest distance met so far; of equal ones the first.
+struct FarthestPoint {
+  DistancePoint point;
+  Index facet = kNone;
+  void offer(const DistancePoint& p, Index f) {
+    if (facet == kNone || p.distance > point.distance) *this = {p, f};
+  }
+};
+
+/// A triangle within a facet of `from`, whose distances are not yet known well enough.
+struct DistancePiece {
+  Index facet = kNone;
+  DistanceCorners corners;
+  double upper = std::numeric_limits<double>::infinity();  ///< none of its points is farther than this
+  Index over = kNone;   ///< the facet of `to` with the least greatest distance to the corners, which …
+  int worst = 0;        ///< … this corner has
+  int border_cuts = 0;  ///< since the last halving
+};
+
+/// The greatest distance that a point of a triangle has to its nearest corner. A triangle that is not obtuse has it at its
+/// circumcentre; in an obtuse one the bisectors of the two short sides meet the longest side before they meet each other, and
+/// it is there. Never less than the truth by more than rounding.
+double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
+  std::array<double, 3> squares = {(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()};
+  std::sort(squares.begin(), squares.end());
+  const double p = squares[0], q = squares[1], longest = squares[2];
+  const double obtuse = longest - p - q;
+  if (obtuse < 0) return std::sqrt(p * q / (4 * p * q - obtuse * obtuse) * longest);
+  // The side of square p, at an angle of cosine k to the longest, has its bisector meet that at √p / 2k, and 2k √p √longest =
+  // p + longest − q; likewise q. Neither is beyond the middle, which also stands in for 0/0 where p is 0.
+  const double length = std::sqrt(longest);
+  const double from_p = p * length / (p + longest - q), from_q = q * length / (q + longest - p);
+  return std::min(length / 2, from_p > from_q ? from_p : from_q);
+}
+
+/// The side k, from corner k to the next, that is longest; of sides equal to rounding the first, so that a surface is cut alike
+/// at any scale and place.
+struct LongestSide {
+  std::size_t k = 0;
+  double length = 0;
+  explicit LongestSide(const std::array<Vec3, 3>& x) {
+    constexpr double kLonger = 1 + 1e-9;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const double l = (x[(i + 1) % 3] - x[i]).norm();
+      if (l > kLonger * length) {
+        length = l;
+        k = i;
+      }
+    }
+  }
+};
+
+std::array<Vec3, 3> corners_of(const MeshView& mesh, Index facet) {
+  return {mesh.corner(facet, 0), mesh.corner(facet, 1), mesh.corner(facet, 2)};
+}
+
+double greatest_of(const DistanceCorners& p) { return std::max({p[0].distance, p[1].distance, p[2].distance}); }
+
+/// One direction: vertices first, then the integrals, then cuts where these leave the greatest distance uncertain.
+class OneSidedMeasure {
+ public:
+  OneSidedMeasure(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double diagonal,
+                  const DistanceOptions& options)
+      : from_(from),
+        to_(to),
+        tree_(tree),
+        tolerance_(options.tolerance * diagonal),
+        spacing_(options.spacing * diagonal),
+        options_(options) {}
+
+  OneSidedDistance run() {
+    measure_vertices();
+    integrate();
+    enclose();
+    const FarthestPoint& p = farthest_;
+    result_.hausdorff_lower = p.point.distance;
+    result_.farthest = {p.facet, p.point.barycentric, position(p.facet, p.point.barycentric)};
+    return result_;
+  }
+
+ private:
+  Vec3 position(Index facet, const Vec3& barycentric) const {
+    return barycentric[0] * from_.corner(facet, 0) + barycentric[1] * from_.corner(facet, 1) +
+           barycentric[2] * from_.corner(facet, 2);
+  }
+
+  std::array<Vec3, 3> positions(Index facet, const DistanceCorners& p) const {
+    return {position(facet, p[0].barycentric), position(facet, p[1].barycentric), position(facet, p[2].barycentric)};
+  }
+
+  DistancePoint measure(Index facet, const Vec3& barycentric, Index hint) const {
+    const SurfaceHit hit = tree_.nearest(position(facet, barycentric), hint);
+    return {barycentric, hit.distance, hit.point.facet};
+  }
+
+  DistanceCorners facet_corners(Index facet) const {
+    DistanceCorners p;
+    for (int k = 0; k < 3; ++k) {
+      p[static_cast<std::size_t>(k)] = at_vertex_[detail::slot(from_.triangles(facet, k))];
+      p[static_cast<std::size_t>(k)].barycentric[k] = 1;
+    }
+    return p;
+  }
+
+  /// Distances of all vertices. Along a curve, so that each starts from the facet nearest to its neighbour.
+  void measure_vertices() {
+    at_vertex_.resize(detail::slot(from_.num_vertices()));
+    const std::vector<Index> order = detail::curve_order(from_.vertices);
+    constexpr std::size_t kGrain = 1024;
+    parallel_for(order.size(), kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
+      Index hint = kNone;
+      for (std::size_t i = begin; i < end; ++i) {
+        const SurfaceHit hit = tree_.nearest(from_.vertices.row(order[i]).transpose(), hint);
+        hint = hit.point.facet;
+        at_vertex_[detail::slot(order[i])] = {Vec3::Zero(), hit.distance, hint};
+      }
+    });
+  }
+
+  // ---- Mean and root mean square ----
+
+  struct Sums {
+    double mean = 0, square = 0;                ///< ∫ d, ∫ d²
+    double mean_change = 0, square_change = 0;  ///< sums of what a rule of lower degree changes in each cell
+    FarthestPoint farthest;
+  };
+
+  void integrate() {
+    const std::size_t facets = detail::slot(from_.num_facets());
+    constexpr std::size_t kGrain = 64;
+    std::vector<Sums> sums((facets + kGrain - 1) / kGrain);
+    upper_.assign(facets, 0);
+    parallel_for(facets, kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const auto f = static_cast<Index>(i);
+        const std::array<Vec3, 3> x = corners_of(from_, f);
+        integrate(f, facet_corners(f), 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm(), sums[begin / kGrain]);
+      }
+    });
+    Sums all;
+    for (const Sums& sum : sums) {
+      all.mean += sum.mean;
+      all.square += sum.square;
+      all.mean_change += sum.mean_change;
+      all.square_change += sum.square_change;
+      farthest_.offer(sum.farthest.point, sum.farthest.facet);
+    }
+    const double area = total_area(from_);
+    result_.mean = all.mean / area;
+    result_.mean_error = all.mean_change / area;
+    result_.rms = std::sqrt(all.square / area);
+    result_.rms_error = result_.rms - std::sqrt(std::max(0.0, all.square - all.square_change) / area);
+  }
+
+  /// Halves a triangle of a facet at its longest side until that is within the spacing: few cells on slivers, too.
+  void integrate(Index facet, const DistanceCorners& p, double area, Sums& sums) {
+    // Measured from a corner of the facet, so that roundings are those of its size and the halving ends wherever it lies.
+    const Vec3 ab = from_.corner(facet, 1) - from_.corner(facet, 0), ac = from_.corner(facet, 2) - from_.corner(facet, 0);
+    std::array<Vec3, 3> x;
+    for (std::size_t k = 0; k < 3; ++k) x[k] = p[k].barycentric[1] * ab + p[k].barycentric[2] * ac;
+    const LongestSide side(x);
+    if (side.length <= spacing_) {
+      add_cell(facet, p, area, sums);
+      return;
+    }
+    const DistancePoint &a = p[side.k], &b = p[(side.k + 1) % 3], &c = p[(side.k + 2) % 3];
+    const DistancePoint middle = measure(facet, (a.barycentric + b.barycentric) / 2, a.nearest);
+    integrate(facet, {a, middle, c}, area / 2, sums);
+    integrate(facet, {middle, b, c}, area / 2, sums);
+  }
+
+  /// The rule of degree 2 with weights 3/4 at the centroid and 1/12 at the corners. All weights are positive, so no mean is
+  /// negative. That of the centroid alone has degree 1; their difference is its error, to leading order.
+  void add_cell(Index facet, const DistanceCorners& corners, double area, Sums& sums) {
+    const Vec3 middle = (corners[0].barycentric + corners[1].barycentric + corners[2].barycentric) / 3;
+    const DistancePoint centre = measure(facet, middle, corners[0].nearest);
+    double mean = 0, square = 0;
+    for (const DistancePoint& p : corners) {
+      sums.farthest.offer(p, facet);
+      mean += p.distance / 3;
+      square += p.distance * p.distance / 3;
+    }
+    sums.farthest.offer(centre, facet);
+    const double at_centre = centre.distance;
+    sums.mean += area * (0.75 * at_centre + 0.25 * mean);
+    sums.square += area * (0.75 * at_centre * at_centre + 0.25 * square);
+    sums.mean_change += area * 0.25 * std::abs(mean - at_centre);
+    sums.square_change += area * 0.25 * std::abs(square - at_centre * at_centre);
+
+    // On the way, a bound for the facet, as in bound().
+    const Vec3 x = position(facet, middle);
+    const std::array<Vec3, 3> y = positions(facet, corners);
+    double& upper = upper_[detail::slot(facet)];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::size_t next = (k + 1) % 3;
+      const double farthest = std::max({corners[k].distance, corners[next].distance, at_centre});
+      upper = std::max(upper, farthest + covering_radius(y[k], y[next], x));
+    }
+  }
+
+  // ---- The greatest distance ----
+
+  /// Pieces whose bound is at most this need no cut.
+  double goal() const { return farthest_.point.distance + tolerance_; }
+
+  /// Cuts pieces until no bound exceeds the goal. They queue, and are cut in batches with the goal as it was before: so the
+  /// number of threads changes nothing. (First come, first served: the best first would save nothing, for the sampling of
+  /// integrate() has the lower bound close to its end, and with it the pieces that must be cut.)
+  void enclose() {
+    std::deque<DistancePiece> queue;
+    double settled = 0;  // the highest bound of the pieces that need no cut
+    const auto keep = [&](const DistancePiece& piece) {
+      if (piece.upper > goal()) {
+        queue.push_back(piece);
+      } else {
+        settled = std::max(settled, piece.upper);
+      }
+    };
+    for (Index f = 0; f < from_.num_facets(); ++f) {
+      DistancePiece piece;
+      piece.facet = f;
+      piece.corners = facet_corners(f);
+      piece.upper = upper_[detail::slot(f)];
+      bound(piece);
+      keep(piece);
+    }
+    constexpr std::size_t kBatch = 8192, kGrain = 64;  // few batches, as each starts its threads
+    std::vector<CutPiece> cut;
+    for (std::int64_t left = options_.max_cuts; left > 0 && !queue.empty();) {
+      const std::size_t n = std::min({kBatch, queue.size(), static_cast<std::size_t>(left)});
+      cut.resize(std::max(cut.size(), n));
+      parallel_for(n, kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) cut[i] = cut_piece(queue[i]);
+      });
+      queue.erase(queue.begin(), queue.begin() + static_cast<std::ptrdiff_t>(n));
+      for (std::size_t i = 0; i < n; ++i) {
+        for (const DistancePiece& part : cut[i].parts) {
+          for (const DistancePoint& p : part.corners) farthest_.offer(p, part.facet);
+        }
+      }
+      for (std::size_t i = 0; i < n; ++i) {
+        for (std::size_t k = 0; k < cut[i].count; ++k) keep(cut[i].parts[k]);
+      }
+      left -= static_cast<std::int64_t>(n);
+    }
+    for (const DistancePiece& piece : queue) settled = std::max(settled, piece.upper);
+    result_.hausdorff = std::max(settled, farthest_.point.distance);
+  }
+
+  /// Lowers piece.upper as far as is worth it: to the goal.
+  ///
+  /// Distance changes by at most 1 per unit of length, so it is at most the greatest at a corner and the covering radius. And
+  /// distance to one facet of `to`, a convex set, is a convex function: at most that of the farthest corner.
+  void bound(DistancePiece& piece) const {
+    if (piece.upper <= goal()) return;
+    const std::array<Vec3, 3> x = positions(piece.facet, piece.corners);
+    const DistanceCorners& p = piece.corners;
+    piece.upper = std::min(piece.upper, greatest_of(p) + covering_radius(x[0], x[1], x[2]));
+    if (piece.upper <= goal()) return;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Index facet = p[k].nearest;
+      if ((k > 0 && facet == p[0].nearest) || (k > 1 && facet == p[1].nearest)) continue;
+      double greatest = -1;
+      int worst = 0;
+      for (std::size_t j = 0; j < 3 && greatest < least; ++j) {
+        const double d = p[j].nearest == facet ? p[j].distance : tree_.nearest_on_facet(x[j], facet).distance;
+        if (d > greatest) {
+          greatest = d;
+          worst = static_cast<int>(j);
+        }
+      }
+      if (greatest < least) {
+        least = greatest;
+        piece.over = facet;
+        piece.worst = worst;
+      }
+    }
+    piece.upper = std::min(piece.upper, least);
+  }
+
+  struct CutPiece {
+    std::array<DistancePiece, 3> parts;
+    std::size_t count = 0;
+    void add(const DistancePiece& piece, const DistanceCorners& corners) {
+      parts[count] = piece;
+      parts[count++].corners = corners;
+    }
+  };
+
+  /// The piece in parts, with their bounds; the piece itself if it needs no cut any more.
+  CutPiece cut_piece(const DistancePiece& piece) const {
+    CutPiece cut;
+    if (piece.upper <= goal()) {
+      cut.add(piece, piece.corners);
+      return cut;
+    }
+    // A piece much larger than the facet under it would lose only a bit of itself to a cut along the facet's border. And cuts
+    // along borders might follow one another without end, so now and then the piece is halved: small pieces are settled.
+    constexpr double kTooLarge = 2;
+    constexpr int kBorderCuts = 5;
+    const std::array<Vec3, 3> x = positions(piece.facet, piece.corners);
+    const LongestSide longest(x);
+    std::array<double, 3> side{};
+    if (piece.border_cuts < kBorderCuts && longest.length <= kTooLarge * LongestSide(corners_of(to_, piece.over)).length &&
+        border_sides(piece, x, side)) {
+      cut_along_border(piece, x, side, cut);
+    } else {
+      const DistancePoint &a = piece.corners[longest.k], &b = piece.corners[(longest.k + 1) % 3],
+                          &c = piece.corners[(longest.k + 2) % 3];
+      const DistancePoint middle = measure(piece.facet, (a.barycentric + b.barycentric) / 2, a.nearest);
+      cut.add(piece, {a, middle, c});
+      cut.add(piece, {middle, b, c});
+    }
+    for (std::size_t k = 0; k < cut.count; ++k) {
+      cut.parts[k].border_cuts = cut.count == 3 ? piece.border_cuts + 1 : 0;
+      bound(cut.parts[k]);
+    }
+    return cut;
+  }
+
+  /// On which side of the nearest border of the facet under the piece its corners lie: of the plane through the edge that the
+  /// worst corner is farthest beyond, upright on the facet. False if that plane does not cut the piece well.
+  bool border_sides(const DistancePiece& piece, const std::array<Vec3, 3>& x, std::array<double, 3>& side) const {
+    const std::array<Vec3, 3> t = corners_of(to_, piece.over);
+    const Vec3 normal = (t[1] - t[0]).cross(t[2] - t[0]);
+    double farthest = 0;
+    Vec3 inward = Vec3::Zero(), on_border = Vec3::Zero();
+    for (std::size_t e = 0; e < 3; ++e) {
+      const Vec3 direction = normal.cross(t[(e + 1) % 3] - t[e]);
+      const double length = direction.norm();
+      if (!(length > 0)) return false;
+      const double distance = direction.dot(x[static_cast<std::size_t>(piece.worst)] - t[e]) / length;
+      if (distance < farthest) {
+        farthest = distance;
+        inward = direction / length;
+        on_border = t[e];
+      }
+    }
+    if (!(farthest < 0)) return false;
+    double least = 0, greatest = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      side[k] = inward.dot(x[k] - on_border);
+      least = std::min(least, side[k]);
+      greatest = std::max(greatest, side[k]);
+    }
+    constexpr double kSmallestPart = 0.02;
+    return std::min(-least, greatest) > kSmallestPart * (greatest - least);
+  }
+
+  /// In three, one corner parted from the other two by a plane they are on either `side` of.
+  void cut_along_border(const DistancePiece& piece, const std::array<Vec3, 3>& x, const std::array<double, 3>& side,
+                        CutPiece& cut) const {
+    std::size_t alone = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      if ((side[k] > 0) != (side[(k + 1) % 3] > 0) && (side[k] > 0) != (side[(k + 2) % 3] > 0)) alone = k;
+    }
+    const std::size_t left = (alone + 1) % 3, right = (alone + 2) % 3;
+    const auto crossing = [&](std::size_t other) {
+      const DistancePoint &a = piece.corners[alone], &b = piece.corners[other];
+      const double t = side[alone] / (side[alone] - side[other]);
+      return measure(piece.facet, (1 - t) * a.barycentric + t * b.barycentric, t < 0.5 ? a.nearest : b.nearest);
+    };
+    const DistancePoint on_left = crossing(left), on_right = crossing(right);
+    const DistancePoint &l = piece.corners[left], &r = piece.corners[right];
+    cut.add(piece, {piece.corners[alone], on_left, on_right});
+    const Vec3 at_left = position(piece.facet, on_left.barycentric), at_right = position(piece.facet, on_right.barycentric);
+    if ((at_left - x[right]).squaredNorm() < (at_right - x[left]).squaredNorm()) {  // the shorter diagonal
+      cut.add(piece, {on_left, l, r});
+      cut.add(piece, {on_left, r, on_right});
+    } else {
+      cut.add(piece, {on_left, l, on_right});
+      cut.add(piece, {on_right, l, r});
+    }
+  }
+
+  MeshView from_, to_;
+  const SurfaceTree& tree_;  ///< of `to`
+  double tolerance_, spacing_;
+  const DistanceOptions& options_;
+  std::vector<DistancePoint> at_vertex_;
+  std::vector<double> upper_;  ///< of each facet: no point of it is farther
+  FarthestPoint farthest_;
+  OneSidedDistance result_;
+};
+
+void require_distance_options(const DistanceOptions& options) {
+  if (!(options.tolerance >= 1e-12 && options.tolerance <= 1)) {
+    throw Error(ErrorCode::kInvalidArgument, "surface distance: the tolerance, in diagonals of the bounding box, is " +
+                                                 std::to_string(options.tolerance) + "; give one in [1e-12, 1]");
+  }
+  if (!(options.spacing >= 1e-6 && options.spacing <= 1)) {
+    throw Error(ErrorCode::kInvalidArgument, "surface distance: the spacing, in diagonals of the bounding box, is " +
+                                                 std::to_string(options.spacing) + "; give one in [1e-6, 1]");
+  }
+  if (options.max_cuts < 0) {
+    throw Error(ErrorCode::kInvalidArgument, "surface distance: max_cuts is negative; give 0 or more");
+  }
+}
+
+/// Both meshes without isolated vertices, times one power of two that brings their coordinates below 1: no square overflows or
+/// is lost, and results at any such scale are the same bits.
+struct ScaledMeshes {
+  double scale;
+  Mesh first, second;
+
+  ScaledMeshes(const MeshView& a, const MeshView& b) {
+    require_usable(a);
+    require_usable(b);
+    first = remove_isolated_vertices(a);
+    second = remove_isolated_vertices(b);
+    int exponent = 0;
+    std::frexp(std::max(first.vertices.cwiseAbs().maxCoeff(), second.vertices.cwiseAbs().maxCoeff()), &exponent);
+    scale = std::ldexp(1.0, -std::clamp(exponent, -1022, 1022));
+    first.vertices *= scale;
+    second.vertices *= scale;
+  }
+
+  void unscale(OneSidedDistance& d) const {
+    for (double* value : {&d.hausdorff, &d.hausdorff_lower, &d.mean, &d.rms, &d.mean_error, &d.rms_error}) *value /= scale;
+    d.farthest.position /= scale;
+  }
+};
+
+}  // namespace
+
+DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options) {
+  require_distance_options(options);
+  const ScaledMeshes meshes(first, second);
+  DistanceReport report;
+  report.diagonal = bounding_box(meshes.first).diagonal();
+  report.forward = OneSidedMeasure(meshes.first, meshes.second, SurfaceTree(meshes.second), report.diagonal, options).run();
+  report.backward = OneSidedMeasure(meshes.second, meshes.first, SurfaceTree(meshes.first), report.diagonal, options).run();
+  meshes.unscale(report.forward);
+  meshes.unscale(report.backward);
+  report.diagonal /= meshes.scale;
+  return report;
+}
+
+OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options) {
+  require_distance_options(options);
+  const ScaledMeshes meshes(from, to);
+  const double diagonal = bounding_box(meshes.first).diagonal();
+  OneSidedDistance result = OneSidedMeasure(meshes.first, meshes.second, SurfaceTree(meshes.second), diagonal, options).run();
+  meshes.unscale(result);
+  return result;
+}
+
+std::ostream& operator<<(std::ostream& out, const DistanceReport& report) {
+  std::ostringstream text;  // neither the caller's format nor its locale
+  text.imbue(std::locale::classic());
+  text << std::setprecision(6);
+  const auto row = [&](const char* name, double value) {
+    text << name << value << " (" << report.percent(value) << " % of the diagonal)";
+  };
+  row("Hausdorff ", report.hausdorff());
+  row(", at least ", report.hausdorff_lower());
+  row("\nRMS       ", report.rms());
+  row("\nmean      ", report.mean());
+  for (const OneSidedDistance* side : {&report.forward, &report.backward}) {
+    text << (side == &report.forward ? "\nforward   " : "\nbackward  ") << "Hausdorff " << side->hausdorff << ", RMS "
+         << side->rms << ", mean " << side->mean;
+  }
+  text << "\n";
+  return out << text.str();
+}
+
+}  // namespace amps
