@@ -976,7 +976,7 @@ OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet
   require_optimize_options(options);
   const bool uniform = samples.radii.minCoeff() == samples.radii.maxCoeff();
   const double min_angle = options.min_angle != 0 ? options.min_angle : uniform ? 35 : 32;
-  const double max_angle = options.max_angle != 0 ? options.max_angle : uniform ? 105 : 115;
+  const double max_angle = options.max_angle != 0 ? options.max_angle : uniform ? 105 : 114;
   Optimizer optimizer(diagram, samples, options, min_angle, max_angle);
   OptimizeResult result;
   result.report = optimizer.run();
