@@ -56,7 +56,7 @@ enum class OptimizeStatus {
 struct OptimizeIteration {
   Index bad_triangles = 0;  ///< 0 if angles are not asked for
   Index bad_vertices = 0;   ///< 0 if valences are not asked for
-  double min_angle = 0;     ///< degrees, over all triangles; 0 if there is none
+  double min_angle = 0;     ///< degrees, over bad triangles, and over all in the first line and the last; 0 if there is none
   double max_angle = 0;
   Index samples = 0;
   double energy = 0;   ///< what is lowered: degrees out of bounds (half of those above), 0.5 a bad triangle, 5 a missing or extra valence
@@ -76,7 +76,7 @@ struct OptimizeReport {
 std::ostream& operator<<(std::ostream& out, const OptimizeReport& report);
 
 struct OptimizeResult {
-  SampleSet samples;  ///< those of the input that are left, in order, then the new ones
+  SampleSet samples;  ///< those of the input that are left, in order, then the new ones; without facet (kNone) if the input has none
   OptimizeReport report;
 };
 
