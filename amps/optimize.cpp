@@ -22,6 +22,9 @@ constexpr int kIdleIterations = 32, kIdleBeforeKicks = 2;
 /// Kicks in one iteration, rounds of improvement after one, and idle iterations for which kicks grow by a sample.
 constexpr std::size_t kMostKicks = 64;
 constexpr int kKickRounds = 16, kIdlePerSample = 6;
+/// It is also given up when this work, in refills tried per sample, has not halved the energy; an edit counts as so many of them.
+/// (To [46, 83], the tightest bounds at hand for a user who can wait, it takes 15 per halving.)
+constexpr double kWorkPerHalving = 200, kWorkOfEdit = 40;
 /// Edits of the diagram spent on vertices at crossings, beyond one for every fourth sample: 0.2 ms each. Where a surface meets
 /// itself there may be no end of them.
 constexpr std::uint64_t kEditsAtCrossings = 500;
@@ -124,11 +127,19 @@ class Optimizer {
 
   /// Visits what is bad until nothing is, or nothing helps.
   OptimizeStatus improve() {
+    double halved = INFINITY, work_then = 0;
     for (int idle = 0;; ++iteration_) {
       std::vector<BadItem> items = bad_items();
+      const double energy = report_.iterations.back().energy;
+      const double work = static_cast<double>(report_.trials) + kWorkOfEdit * static_cast<double>(report_.edits);
+      if (energy <= halved / 2) {
+        halved = energy;
+        work_then = work;
+      }
+      const bool slow = work - work_then > kWorkPerHalving * num_samples_;
       if (items.empty()) return OptimizeStatus::kDone;
       if (options_.progress.cancelled()) return OptimizeStatus::kCancelled;
-      if (idle == kIdleIterations || !affords_edits_in_place()) return OptimizeStatus::kStalled;
+      if (idle == kIdleIterations || slow || !affords_edits_in_place()) return OptimizeStatus::kStalled;
       if (iteration_ == options_.max_iterations) return OptimizeStatus::kIterationLimit;
       const std::uint64_t accepted = report_.accepted;
       for (std::size_t k = items.size(); k > 1; --k) std::swap(items[k - 1], items[rng_.below(k)]);

@@ -48,7 +48,7 @@ struct OptimizeOptions {
 enum class OptimizeStatus {
   kDone,            ///< nothing is bad
   kIterationLimit,  ///< max_iterations spent
-  kStalled,         ///< several visits to everything bad have brought nothing: the bounds are too tight for this set or surface
+  kStalled,         ///< many visits to everything bad have brought nothing, or too little: bounds too tight for this set or surface
   kCancelled,       ///< through Progress
 };
 
