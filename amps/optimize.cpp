@@ -62,9 +62,12 @@ class Optimizer {
       if (!samples.facets.empty()) {
         set_.at[s] = {samples.facets[s], samples.barycentrics.row(static_cast<Eigen::Index>(s)).transpose()};
       }
-      set_.energy[s] = reader_.energy(static_cast<Index>(s), set_.star[s]);
       grid_.insert(position(static_cast<Index>(s)), set_.radius[s], static_cast<Index>(s));
     }
+    parallel_for(n, 1024, options.threads, [&](std::size_t begin, std::size_t end) {
+      StarReader reader(diagram_, rating_);
+      for (std::size_t s = begin; s < end; ++s) set_.energy[s] = reader.energy(static_cast<Index>(s), set_.star[s]);
+    });
   }
 
   OptimizeReport run() {
@@ -180,22 +183,22 @@ class Optimizer {
   std::vector<BadItem> bad_items(bool measure_all = false) {
     std::vector<BadItem> items;
     OptimizeIteration line;
-    double least = 180, greatest = 0;
-    const bool all = measure_all || report_.iterations.empty();
+    AngleRange range;
+    if (measure_all || report_.iterations.empty()) range = angles_of_all();
     for (Index s = 0; s < set_.size(); ++s) {
       if (!set_.alive[slot(s)]) continue;
       ++line.samples;
       line.energy += set_.energy[slot(s)];
-      if (!all && !(set_.energy[slot(s)] > 0)) continue;
-      const auto& pairs = reader_.read(s);
-      for (const auto& pair : pairs) {
-        if (s < pair[0] && (all || reader_.triangle(s, pair[0], pair[1]) > 0)) measure(s, pair[0], pair[1], least, greatest);
-      }
+      if (!(set_.energy[slot(s)] > 0)) continue;
+      reader_.read(s);
       list_bad(s, items);
     }
-    for (const BadItem& item : items) ++(item.b == kNone ? line.bad_vertices : line.bad_triangles);
-    line.min_angle = greatest > 0 ? least : 0;
-    line.max_angle = greatest;
+    for (const BadItem& item : items) {
+      ++(item.b == kNone ? line.bad_vertices : line.bad_triangles);
+      if (item.b != kNone) measure(item.a, item.b, item.c, range);
+    }
+    line.min_angle = range.min_angle();
+    line.max_angle = range.max_angle();
     line.seconds = seconds_ += watch_.lap();
     report_.iterations.push_back(line);
     return items;
@@ -210,15 +213,38 @@ class Optimizer {
     }
   }
 
-  void measure(Index a, Index b, Index c, double& least, double& greatest) const {
-    constexpr double kDegreesPerRadian = 57.29577951308232;
-    const std::array<Vec3, 3> x = {diagram_.site(a).position(), diagram_.site(b).position(), diagram_.site(c).position()};
+  /// As cosines.
+  struct AngleRange {
+    double least = 2, greatest = -2;
+    double min_angle() const { return greatest < -1.5 ? 0 : degrees(greatest); }
+    double max_angle() const { return greatest < -1.5 ? 0 : degrees(least); }
+    static double degrees(double cosine) { return 57.29577951308232 * std::acos(std::min(std::max(cosine, -1.0), 1.0)); }
+  };
+
+  void measure(Index a, Index b, Index c, AngleRange& range) const {
+    const Vec3 x = position(a), y = position(b), z = position(c);
+    const std::array<double, 3> side = {(y - z).squaredNorm(), (z - x).squaredNorm(), (x - y).squaredNorm()};
     for (std::size_t k = 0; k < 3; ++k) {
-      const Vec3 u = x[(k + 1) % 3] - x[k], v = x[(k + 2) % 3] - x[k];
-      const double angle = kDegreesPerRadian * std::atan2(u.cross(v).norm(), u.dot(v));
-      least = std::min(least, angle);
-      greatest = std::max(greatest, angle);
+      const double p = side[(k + 1) % 3], q = side[(k + 2) % 3], cosine = (p + q - side[k]) / (2 * std::sqrt(p * q));
+      range.least = std::min(range.least, cosine);
+      range.greatest = std::max(range.greatest, cosine);
     }
+  }
+
+  AngleRange angles_of_all() {
+    AngleRange range;
+    for (Index s = 0; s < set_.size(); ++s) {
+      if (!set_.alive[slot(s)]) continue;
+      const DualStar& star = set_.star[slot(s)];
+      for (int k = 0; k < star.size; ++k) {
+        const Index a = star.ring[static_cast<std::size_t>(k)], b = star.ring[static_cast<std::size_t>((k + 1) % star.size)];
+        const bool once = s < std::min(a, b) || set_.star[slot(a)].size == 0 || set_.star[slot(b)].size == 0;
+        if (once) measure(s, a, b, range);
+      }
+      if (star.size != 0) continue;
+      for (const auto& pair : reader_.read(s)) measure(s, pair[0], pair[1], range);
+    }
+    return range;
   }
 
   /// Looks at items batch by batch, in parallel, and does what is proposed, in order. False if cancelled.

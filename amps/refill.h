@@ -24,8 +24,9 @@ inline constexpr double kLeastGain = 1e-6;
 /// Trials count this for a sample more, and less for a sample fewer: halves the growth of sets, at no cost in time. With 5, tight bounds take
 /// twice the time.
 inline constexpr double kPerSample = 2;
-/// Darts of one pool, and darts thrown for it at most.
-inline constexpr int kPool = 48, kPoolDarts = 400;
+/// Darts in the pool of a patch, and thrown for it at most, for each sample it loses; and darts in any pool at most.
+inline constexpr std::size_t kPoolPerSample = 16, kMostPool = 96;
+inline constexpr int kPoolDartsPerSample = 160;
 
 /// The neighbours of a sample in the dual triangulation.
 struct DualStar {
@@ -304,7 +305,9 @@ class RefillFinder {
     pool_.clear();
     if (!(total > 0)) return;
     const int first = static_cast<int>(removed_.size()), last = patch_.num_vertices();
-    for (int dart = 0; dart < kPoolDarts && pool_.size() < static_cast<std::size_t>(kPool); ++dart) {
+    const std::size_t most = std::min(kPoolPerSample * removed_.size(), kMostPool);
+    const int most_darts = kPoolDartsPerSample * static_cast<int>(removed_.size());
+    for (int dart = 0; dart < most_darts && pool_.size() < most; ++dart) {
       const double u = rng.uniform() * total;
       const auto piece = std::upper_bound(pieces_.begin(), pieces_.end() - 1, u, [](double x, const Piece& p) { return x < p.up_to; });
       const auto polygon = diagram_.polygon(piece->fragment);
