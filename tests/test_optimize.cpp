@@ -72,6 +72,11 @@ Mesh two_sheets(double distance) {
   return amps_test::joined(amps::make_square(4), amps_test::scaled(amps::make_square(4), 1, Vec3(0, 0, distance)));
 }
 
+/// Two spheres around one centre, at this distance: no border, so refills are tried in copies, which do not know the other sheet.
+Mesh two_spheres(double distance) {
+  return amps_test::joined(amps::make_sphere(320), amps::make_sphere(320, 1 + distance));
+}
+
 /// A maximal set, and what it was made with.
 struct TestSet {
   std::string name;
@@ -341,6 +346,34 @@ TEST_CASE("optimize: every state on soups, at spines and between near sheets is 
       const OptimizeResult result = optimized(set, options_for(set, k));
       check_result(set, result, false);
       CHECK(result.report.iterations.size() <= at(k) + 1);
+    }
+  }
+}
+
+TEST_CASE("optimize: sheets nearer than a disk respect each other where copies know one of them only") {
+  const double r = amps_test::radius_for(two_spheres(0), 600);
+  for (const double distance : {0.5, 0.7, 0.8, 0.9, 0.95}) {
+    CAPTURE(distance);
+    const TestSet set = uniform_set("", two_spheres(distance * r), 600);
+    for (const int k : {2, 40}) check_result(set, optimized(set, options_for(set, k)), false);
+  }
+}
+
+TEST_CASE("optimize: kicks and what is undone leave every radius, place and weight as they were") {
+  for (const TestSet& set : {graded_set("sphere", amps::make_sphere(320), 50, 0.4), graded_set("square", amps::make_square(8), 60, 0.4),
+                             graded_set("torus", amps::make_torus(1, 0.4, 48, 20), 120, 0.4)}) {
+    CAPTURE(set.name);
+    OptimizeOptions options = options_for(set, 40);
+    options.min_angle = 50;
+    options.max_angle = 75;
+    amps::RestrictedPowerDiagram diagram = amps::detail::diagram_of(set.mesh, set.samples, 1);
+    std::vector<Index> ids;
+    const OptimizeResult result = amps::detail::optimize_diagram(diagram, set.samples, options, ids);
+    check_result(set, result);
+    REQUIRE(ids.size() == static_cast<std::size_t>(result.samples.size()));
+    for (Index s = 0; s < result.samples.size(); ++s) {
+      CHECK(diagram.site(ids[at(s)]).w == result.samples.radii[s] * result.samples.radii[s]);
+      CHECK(diagram.site(ids[at(s)]).position() == result.samples.positions.row(s).transpose());
     }
   }
 }
