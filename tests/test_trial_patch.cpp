@@ -81,7 +81,8 @@ struct Dual {
 };
 
 /// The stars of these samples and of their neighbours; false where there is no room, or one of them is not a disk.
-bool copy_patch(const SampleSet& set, const Dual& dual, const std::vector<Index>& removed, TrialPatch& patch, std::vector<Index>& ids) {
+bool copy_patch(const SampleSet& set, const Dual& dual, const std::vector<Index>& removed, TrialPatch& patch,
+                std::vector<Index>& ids) {
   patch.clear();
   ids = removed;
   const auto add = [&ids](Index s) {
@@ -122,9 +123,9 @@ struct Tally {
   int gaps_right = 0;  ///< and the true answer about gaps
 };
 
-/// Random patches of a set, removed and refilled at random; what the copy says against a triangulation made anew. Measured: of 400
-/// patches with equal radii it followed 399, all of them right in energy and gaps; with graded radii 399, 399 right in energy and
-/// 397 in gaps.
+/// Random patches of a set, removed and refilled at random; what the copy says against a triangulation made anew. Measured: of
+/// 400 patches with equal radii it followed 399, all of them right in energy and gaps; with graded radii 399, 399 right in
+/// energy and 397 in gaps.
 Tally compare(const Mesh& mesh, const SampleSet& set, const amps::SizingField& field, int patches, std::uint64_t seed) {
   const DualRating rating(true, true, kLow, kHigh);
   const Dual before(amps::restricted_triangulation(mesh, set));
@@ -317,7 +318,8 @@ TEST_CASE("trial_patch: it refuses when it is full") {
   CHECK(patch.add_vertex(Vec3::Zero(), 1, 6, true));
   // The last vertex there is room for is the last that can come.
   TrialPatch crowded = hexagons(rating, true);
-  for (int v = crowded.num_vertices(); v < TrialPatch::kMaxVertices - 1; ++v) REQUIRE(crowded.add_vertex(Vec3(100 + v, 0, 0), 1, 6, true));
+  for (int v = crowded.num_vertices(); v < TrialPatch::kMaxVertices - 1; ++v)
+    REQUIRE(crowded.add_vertex(Vec3(100 + v, 0, 0), 1, 6, true));
   REQUIRE(crowded.insert(Vec3(0.3, 0.25, 0), 1));
   CHECK_FALSE(crowded.insert(Vec3(-0.3, -0.25, 0), 1));
 }
@@ -336,7 +338,7 @@ TEST_CASE("trial_patch: it refuses stars that are not disks") {
   };
   CHECK_FALSE(patch_of({}).remove(0));
   CHECK_FALSE(patch_of({{0, 1, 2}, {0, 2, 3}}).remove(0));
-  CHECK_FALSE(patch_of({{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {0, 4, 5}}).remove(0));                         // a fan
+  CHECK_FALSE(patch_of({{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {0, 4, 5}}).remove(0));                        // a fan
   CHECK_FALSE(patch_of({{0, 1, 3}, {0, 3, 4}, {0, 4, 1}, {0, 5, 6}, {0, 6, 8}, {0, 8, 5}}).remove(0));  // two cycles
   CHECK(patch_of({{0, 1, 3}, {0, 3, 5}, {0, 5, 7}, {0, 7, 1}}).remove(0));
   CHECK(patch_of({{0, 3, 1}, {0, 3, 5}, {0, 7, 5}, {0, 7, 1}}).remove(0));  // orientation is none of its business
@@ -346,7 +348,8 @@ TEST_CASE("trial_patch: ratings are degrees out of bounds to first order, half a
   // An isosceles triangle with this angle at its tip.
   const auto triangle = [](double tip) {
     const double half = tip * kPi / 360;
-    return std::array<Vec3, 3>{Vec3(0, 0, 0), Vec3(std::sin(half), std::cos(half), 0), Vec3(-std::sin(half), std::cos(half), 0)};
+    return std::array<Vec3, 3>{Vec3(0, 0, 0), Vec3(std::sin(half), std::cos(half), 0),
+                               Vec3(-std::sin(half), std::cos(half), 0)};
   };
   const auto rate = [&](const DualRating& rating, double tip) {
     const auto t = triangle(tip);

@@ -259,7 +259,8 @@ TEST_CASE("voxel_grid: samples come and go, and it agrees with all pairs of thos
           Stored sample;
           sample.position = point_in_box(rng, box);
           if (step % 4 == 0 && !there.empty()) {  // crowds: voxels of several blocks
-            sample.position = samples[static_cast<std::size_t>(there.front())].position + 0.01 * (point_in_box(rng, box) - box.min);
+            sample.position =
+                samples[static_cast<std::size_t>(there.front())].position + 0.01 * (point_in_box(rng, box) - box.min);
           }
           const double u = rng.uniform();
           sample.radius = std::min(greatest, std::max(least, least * std::pow(ratio, u * u)));
