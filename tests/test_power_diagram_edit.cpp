@@ -298,7 +298,7 @@ TEST_CASE("power_diagram: a duplicate takes over, and gives back to a lower id")
   }
 }
 
-TEST_CASE("power_diagram: changed() lists exactly the fragments that an edit touched") {
+TEST_CASE("power_diagram: changed() lists exactly the fragments that an edit touched, changed_sites() their owners") {
   for (const auto& model : amps_test::small_meshes()) {
     CAPTURE(model.name);
     const double size = amps::bounding_box(model.mesh).diagonal();
@@ -317,8 +317,23 @@ TEST_CASE("power_diagram: changed() lists exactly the fragments that an edit tou
       }
       return result;
     };
+    const auto triangles_by_site = [&edited] {
+      std::map<Index, std::multiset<std::array<Index, 3>>> result;
+      const amps::Triangles triangles = edited.diagram().dual_triangles();
+      for (Index t = 0; t < triangles.rows(); ++t) {
+        for (int corner = 0; corner < 3; ++corner) {
+          result[triangles(t, corner)].insert({triangles(t, 0), triangles(t, 1), triangles(t, 2)});
+        }
+      }
+      return result;
+    };
+    const auto triangles_of = [](const auto& of_site, Index s) {
+      const auto found = of_site.find(s);
+      return found == of_site.end() ? std::multiset<std::array<Index, 3>>() : found->second;
+    };
     for (int k = 0; k < 150; ++k) {
       const auto before = snapshot();
+      const auto triangles_before = triangles_by_site();
       random_edit(edited, pool, rng, 0.1);
       const auto after = snapshot();
       std::set<Index> expected;
@@ -336,6 +351,24 @@ TEST_CASE("power_diagram: changed() lists exactly the fragments that an edit tou
       CHECK(std::includes(changed.begin(), changed.end(), expected.begin(), expected.end()));
       for (const Index f : changed) {
         if (expected.count(f) == 0) CHECK(before.at(f).first == after.at(f).first);
+      }
+      // Whoever had or has one of them, and nobody else has another dual triangle than before.
+      std::set<Index> owners, concerned;
+      for (const auto* snap : {&before, &after}) {
+        for (const Index f : changed) {
+          if (const auto entry = snap->find(f); entry != snap->end()) owners.insert(entry->second.first.second);
+        }
+        for (const Index f : expected) {
+          if (const auto entry = snap->find(f); entry != snap->end()) concerned.insert(entry->second.first.second);
+        }
+      }
+      const std::vector<Index>& sites = edited.diagram().changed_sites();
+      CHECK(std::is_sorted(sites.begin(), sites.end()));
+      CHECK(sites == std::vector<Index>(owners.begin(), owners.end()));
+      CHECK(std::includes(sites.begin(), sites.end(), concerned.begin(), concerned.end()));
+      const auto triangles_after = triangles_by_site();
+      for (Index s = 0; s < edited.diagram().num_sites(); ++s) {
+        if (owners.count(s) == 0) CHECK(triangles_of(triangles_before, s) == triangles_of(triangles_after, s));
       }
     }
   }

@@ -225,3 +225,123 @@ TEST_CASE("voxel_grid: with many radii a point at distance exactly r is no confl
     }
   }
 }
+
+TEST_CASE("voxel_grid: samples come and go, and it agrees with all pairs of those that are there") {
+  struct Stored {
+    Vec3 position;
+    double radius = 0;
+    bool there = false;
+  };
+  Rng rng(21);
+  for (const double ratio : {1.0, 3.0, 64.0}) {
+    for (const double greatest : {0.1, 0.5, 3.0}) {
+      CAPTURE(ratio);
+      CAPTURE(greatest);
+      const Box box = box_of(Vec3(-2, 5, 0), Vec3(-1, 6, 0.25));
+      const double least = greatest / ratio;
+      VoxelGrid grid(box, least, greatest);
+      std::vector<Stored> samples;  // by id
+      std::vector<Index> there, free;
+      int conflicts = 0;
+      for (int step = 0; step < 3000; ++step) {
+        // Fills up, thins out, and so on: down to nothing now and then.
+        const bool growing = step / 500 % 2 == 0;
+        if (!there.empty() && rng.uniform() < (growing ? 0.35 : 0.75)) {
+          const std::size_t k = rng.below(there.size());
+          const Index id = there[k];
+          Stored& gone = samples[static_cast<std::size_t>(id)];
+          grid.remove(gone.position, gone.radius, id);
+          gone.there = false;
+          there[k] = there.back();
+          there.pop_back();
+          free.push_back(id);
+        } else {
+          Stored sample;
+          sample.position = point_in_box(rng, box);
+          if (step % 4 == 0 && !there.empty()) {  // crowds: voxels of several blocks
+            sample.position =
+                samples[static_cast<std::size_t>(there.front())].position + 0.01 * (point_in_box(rng, box) - box.min);
+          }
+          const double u = rng.uniform();
+          sample.radius = std::min(greatest, std::max(least, least * std::pow(ratio, u * u)));
+          sample.there = true;
+          Index id = static_cast<Index>(samples.size());
+          if (free.empty()) {
+            samples.push_back(sample);
+          } else {
+            id = free[rng.below(free.size())];
+            free.erase(std::find(free.begin(), free.end(), id));
+            samples[static_cast<std::size_t>(id)] = sample;
+          }
+          there.push_back(id);
+          grid.insert(sample.position, sample.radius, id);
+        }
+        const Vec3 x = point_in_box(rng, box);
+        const double radius = least + (greatest - least) * rng.uniform() * rng.uniform();
+        bool by_max = false, by_min = false;
+        double nearest = std::numeric_limits<double>::infinity();
+        for (const Index id : there) {
+          const Stored& s = samples[static_cast<std::size_t>(id)];
+          const double d = (s.position - x).norm();
+          by_max |= d < std::max(radius, s.radius);
+          by_min |= d < std::min(radius, s.radius);
+          nearest = std::min(nearest, (x - s.position).squaredNorm());
+        }
+        const Index max_hit = grid.conflicting_sample_by_max(x, radius), min_hit = grid.conflicting_sample_by_min(x, radius);
+        REQUIRE((max_hit != kNone) == by_max);
+        REQUIRE((min_hit != kNone) == by_min);
+        for (const Index hit : {max_hit, min_hit}) {
+          if (hit == kNone) continue;
+          const Stored& s = samples[static_cast<std::size_t>(hit)];
+          REQUIRE(s.there);
+          REQUIRE((s.position - x).norm() < (hit == max_hit ? std::max(radius, s.radius) : std::min(radius, s.radius)));
+        }
+        const double found = grid.nearest_squared_distance(x, radius);
+        if (nearest < radius * radius) {
+          REQUIRE(found == nearest);
+        } else {
+          REQUIRE(found >= nearest);
+        }
+        conflicts += by_max;
+      }
+      CHECK(conflicts > 100);
+      while (!there.empty()) {
+        const Stored& s = samples[static_cast<std::size_t>(there.back())];
+        grid.remove(s.position, s.radius, there.back());
+        there.pop_back();
+      }
+      for (int dart = 0; dart < 100; ++dart) {
+        const Vec3 x = point_in_box(rng, box);
+        REQUIRE(grid.conflicting_sample_by_max(x, greatest) == kNone);
+        REQUIRE(!(grid.nearest_squared_distance(x, greatest) <= greatest * greatest));
+      }
+    }
+  }
+}
+
+TEST_CASE("voxel_grid: with equal radii too, samples come and go") {
+  const Box box = box_of(Vec3::Zero(), Vec3::Ones());
+  const double radius = 0.15;
+  VoxelGrid grid(box, radius);
+  Rng rng(22);
+  std::vector<Vec3> samples;
+  std::vector<Index> there;
+  for (int step = 0; step < 4000; ++step) {
+    if (!there.empty() && rng.uniform() < 0.45) {
+      const std::size_t k = rng.below(there.size());
+      grid.remove(samples[static_cast<std::size_t>(there[k])], radius, there[k]);
+      there[k] = there.back();
+      there.pop_back();
+    } else {
+      there.push_back(static_cast<Index>(samples.size()));
+      samples.push_back(point_in_box(rng, box));
+      grid.insert(samples.back(), there.back());
+    }
+    const Vec3 x = point_in_box(rng, box);
+    bool expected = false;
+    for (const Index id : there) expected |= (samples[static_cast<std::size_t>(id)] - x).norm() < radius;
+    REQUIRE(grid.conflicts(x) == expected);
+    const Index hit = grid.conflicting_sample(x);
+    if (hit != kNone) REQUIRE(std::find(there.begin(), there.end(), hit) != there.end());
+  }
+}
