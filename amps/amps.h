@@ -43,6 +43,7 @@
 //   fragment_gaps.h  (internal) the gaps of a restricted power diagram
 //   sampling.h       darts, gap filling, and the certificate that a set is maximal
 //   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
+//   refill.h         (internal) finding refills that improve what is bad
 //   optimize.h       better triangles and valences by refilling gaps
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with

@@ -36,7 +36,8 @@ struct OptimizeOptions {
   int max_iterations = 1000;
   /// Refills tried of each patch, at least 1.
   int refills = 8;
-  /// Same seed, mesh, samples and options: the same result on any number of threads.
+  /// Same seed, mesh, samples and options: the same result on any number of threads. (remesh() goes on with the diagram that
+  /// sampling has left, in another order than a fresh one: it finds other refills than optimize() of the same samples.)
   std::uint64_t seed = 1;
   unsigned threads = 1;  ///< 0: one per core
   /// Wanted radii of new samples; empty: the least radius of the set.
@@ -47,7 +48,7 @@ struct OptimizeOptions {
 enum class OptimizeStatus {
   kDone,            ///< nothing is bad
   kIterationLimit,  ///< max_iterations spent
-  kStalled,         ///< several visits to everything bad have brought nothing: the bounds are too tight for this set or surface
+  kStalled,         ///< many visits to everything bad have brought nothing, or too little: bounds too tight for this set or surface
   kCancelled,       ///< through Progress
 };
 
@@ -55,7 +56,7 @@ enum class OptimizeStatus {
 struct OptimizeIteration {
   Index bad_triangles = 0;  ///< 0 if angles are not asked for
   Index bad_vertices = 0;   ///< 0 if valences are not asked for
-  double min_angle = 0;     ///< degrees, over all triangles; 0 if there is none
+  double min_angle = 0;     ///< degrees, over bad triangles, and over all in the first line and the last; 0 if there is none
   double max_angle = 0;
   Index samples = 0;
   double energy = 0;   ///< what is lowered: degrees out of bounds (half of those above), 0.5 a bad triangle, 5 a missing or extra valence
@@ -75,7 +76,7 @@ struct OptimizeReport {
 std::ostream& operator<<(std::ostream& out, const OptimizeReport& report);
 
 struct OptimizeResult {
-  SampleSet samples;  ///< those of the input that are left, in order, then the new ones
+  SampleSet samples;  ///< those of the input that are left, in order, then the new ones; without facet (kNone) if the input has none
   OptimizeReport report;
 };
 
@@ -91,6 +92,9 @@ void write_convergence(std::ostream& out, const OptimizeReport& report);
 namespace detail {
 
 void require_optimize_options(const OptimizeOptions& options);
+
+/// Samples that optimisation adds, relative to those there are: measured, good to 0.01.
+double expected_growth(const OptimizeOptions& options, bool uniform);
 
 /// optimize() on a diagram of exactly these samples, which is edited; what is removed leaves its id unused. `ids` (out): of the samples
 /// of the result.

@@ -101,8 +101,19 @@ void orient_consistently(Triangles& triangles) {
   }
 }
 
-Triangles restricted_triangles(const RestrictedPowerDiagram& diagram) {
-  Triangles triangles = unique_triples(diagram.dual_triangles());
+/// `ids`: the sites, in the order of the result's vertices; empty: as they are.
+Triangles restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vector<Index>& ids = {}) {
+  Triangles triangles = diagram.dual_triangles();
+  if (!ids.empty()) {
+    std::vector<Index> row(slot(diagram.num_sites()), kNone);
+    for (std::size_t k = 0; k < ids.size(); ++k) row[slot(ids[k])] = static_cast<Index>(k);
+    for (Eigen::Index t = 0; t < triangles.rows(); ++t) {
+      std::array<Index, 3> v = {row[slot(triangles(t, 0))], row[slot(triangles(t, 1))], row[slot(triangles(t, 2))]};
+      std::rotate(v.begin(), std::min_element(v.begin(), v.end()), v.end());
+      triangles.row(t) << v[0], v[1], v[2];
+    }
+  }
+  triangles = unique_triples(triangles);
   orient_consistently(triangles);
   return triangles;
 }
@@ -115,7 +126,15 @@ Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, un
 }
 
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
-  detail::SamplingRun run = detail::sample_with_diagram(mesh, options.sampling);
+  SamplingOptions sampling = options.sampling;
+  if (options.optimize) {
+    detail::require_optimize_options(options.optimization);
+    if (sampling.target_count > 0) {
+      const double growth = detail::expected_growth(options.optimization, sampling.sizing.empty());
+      sampling.target_count = std::max(Index{1}, static_cast<Index>(sampling.target_count / (1 + growth) + 0.5));
+    }
+  }
+  detail::SamplingRun run = detail::sample_with_diagram(mesh, sampling);
   RemeshResult result;
   result.status = run.result.status;
   result.samples = std::move(run.result.samples);
@@ -125,7 +144,21 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   if (run.diagram == nullptr) return result;
 
   detail::Stopwatch watch;
-  result.mesh.triangles = detail::restricted_triangles(*run.diagram);
+  std::vector<Index> ids;
+  if (options.optimize && result.status == Status::kDone) {
+    OptimizeOptions optimization = options.optimization;
+    optimization.sizing = sampling.sizing.empty() ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
+    optimization.seed = sampling.seed;
+    optimization.threads = sampling.threads;
+    optimization.progress = sampling.progress;
+    OptimizeResult optimized = detail::optimize_diagram(*run.diagram, result.samples, optimization, ids);
+    result.samples = std::move(optimized.samples);
+    result.mesh.vertices = result.samples.positions;
+    result.report.optimization = std::move(optimized.report);
+    if (result.report.optimization.status == OptimizeStatus::kCancelled) result.status = Status::kCancelled;
+  }
+  result.report.seconds_optimize = watch.lap();
+  result.mesh.triangles = detail::restricted_triangles(*run.diagram, ids);
   result.report.seconds_remesh = watch.lap();
   // Equal positions are one point to the surface; merging them changes neither area nor facets.
   result.report.input = topology(merge_equal_vertices(mesh));

@@ -630,6 +630,7 @@ class SeparationMeasure {
   void look_at_neighbors() {
     const RegularTriangulation::Adjacency around = diagram_.adjacency();
     for (Index i = 0; i < diagram_.num_sites(); ++i) {
+      if (diagram_.removed(i)) continue;
       const WeightedPoint& p = diagram_.site(i);
       least_ = std::min(least_, p.w);
       greatest_ = std::max(greatest_, p.w);
@@ -649,18 +650,22 @@ class SeparationMeasure {
 
   /// Each pair is seen from the disk that counts, within the best ratio so far.
   void look_at_all_pairs() {
-    const Index n = diagram_.num_sites();
+    std::vector<WeightedPoint> sites;
+    for (Index i = 0; i < diagram_.num_sites(); ++i) {
+      if (!diagram_.removed(i)) sites.push_back(diagram_.site(i));
+    }
+    const auto n = static_cast<Index>(sites.size());
     Points positions(n, 3);
-    for (Index i = 0; i < n; ++i) positions.row(i) = diagram_.site(i).position().transpose();
+    for (Index i = 0; i < n; ++i) positions.row(i) = sites[slot(i)].position().transpose();
     const KdTree tree(positions);
     std::vector<KdTree::Neighbor> found;
     for (Index i = 0; i < n; ++i) {
-      const WeightedPoint& p = diagram_.site(i);
+      const WeightedPoint& p = sites[slot(i)];
       // The bound's own rounding must not lose the pair that set it.
       const double reach = std::min(best_, 1e150) * std::sqrt(p.w) * (1 + 1e-12);
       tree.in_radius(p.position(), reach, found);
       for (const KdTree::Neighbor& near : found) {
-        const WeightedPoint& q = diagram_.site(near.index);
+        const WeightedPoint& q = sites[slot(near.index)];
         if (near.index != i && (by_max_ ? q.w <= p.w : q.w >= p.w)) best_ = std::min(best_, ratio(p, q));
       }
     }

@@ -1,6 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/trial_patch.h"
 
+#include "amps/sizing.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -43,8 +45,8 @@ inline std::uint64_t bit(int v) { return std::uint64_t{1} << v; }
 }  // namespace
 
 DualRating::DualRating(bool angles, bool valences, double min_angle, double max_angle) : angles_(angles), valences_(valences) {
-  const auto cosine = [](double degrees) { return std::cos(degrees * kPatchDegree); };
-  const auto slope = [](double degrees) { return 1 / (kPatchDegree * std::sin(degrees * kPatchDegree)); };
+  const auto cosine = [](double degrees) { return portable_sine((90 - degrees) * kPatchDegree); };
+  const auto slope = [&](double degrees) { return 1 / (kPatchDegree * cosine(std::fabs(90 - degrees))); };
   if (!angles) return;
   cos_min_ = cosine(min_angle + kBoundMargin);
   cos_max_ = cosine(max_angle - kBoundMargin);

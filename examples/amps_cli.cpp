@@ -8,6 +8,7 @@
 
 #include "amps/amps.h"
 #include "cli_output.h"
+#include "cli_report.h"
 #include "render_png.h"
 
 #include <algorithm>
@@ -21,7 +22,9 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <limits>
 #include <new>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -335,169 +338,6 @@ void require_sample_output(const Arguments& arguments, const std::string& path) 
 
 // --- What several commands print ------------------------------------------------------------------------------------
 
-void print_distance(const Table& table, const amps::DistanceReport& report) {
-  const auto row = [&](const char* name, double distance) {
-    table.row(name, format("%.6g   (%.4g %% of its diagonal)", distance, report.percent(distance)));
-  };
-  row("Hausdorff distance", report.hausdorff());
-  row("RMS distance", report.rms());
-  row("mean distance", report.mean());
-}
-
-void add_one_sided(Json& json, const char* key, const amps::OneSidedDistance& side) {
-  json.open(key)
-      .add("hausdorff", side.hausdorff)
-      .add("hausdorff_lower", side.hausdorff_lower)
-      .add("rms", side.rms)
-      .add("mean", side.mean)
-      .close();
-}
-
-void add_distance(Json& json, const std::string& reference, const amps::DistanceReport& report) {
-  json.open("distance")
-      .add("reference", reference)
-      .add("reference_diagonal", report.diagonal)
-      .add("hausdorff", report.hausdorff())
-      .add("hausdorff_lower", report.hausdorff_lower())
-      .add("rms", report.rms())
-      .add("mean", report.mean())
-      .add("hausdorff_percent", report.percent(report.hausdorff()))
-      .add("rms_percent", report.percent(report.rms()))
-      .add("mean_percent", report.percent(report.mean()));
-  add_one_sided(json, "from_reference", report.forward);
-  add_one_sided(json, "to_reference", report.backward);
-  json.close();
-}
-
-void print_topology(const Table& table, const amps::TopologyReport& in, const amps::TopologyReport& out) {
-  const auto row = [&](const char* name, amps::Index amps::TopologyReport::*member) {
-    table.row(name, number(in.*member), number(out.*member));
-  };
-  row("components", &amps::TopologyReport::components);
-  row("Euler characteristic", &amps::TopologyReport::euler_characteristic);
-  row("boundary loops", &amps::TopologyReport::boundary_loops);
-  row("non-manifold edges", &amps::TopologyReport::non_manifold_edges);
-  row("non-manifold vertices", &amps::TopologyReport::non_manifold_vertices);
-}
-
-void add_topology(Json& json, const char* key, const amps::TopologyReport& report) {
-  json.open(key)
-      .add("vertices", report.vertices)
-      .add("edges", report.edges)
-      .add("triangles", report.facets)
-      .add("components", report.components)
-      .add("euler_characteristic", report.euler_characteristic)
-      .add("boundary_edges", report.boundary_edges)
-      .add("boundary_loops", report.boundary_loops)
-      .add("non_manifold_edges", report.non_manifold_edges)
-      .add("non_manifold_vertices", report.non_manifold_vertices)
-      .add("inconsistent_edges", report.inconsistent_edges)
-      .close();
-}
-
-void print_maximality(const Table& table, const amps::MaximalityReport& report) {
-  table.row("worst coverage", format("%.9f r   (maximal: at most 1)", report.worst_coverage));
-  if (std::isfinite(report.worst_separation)) {
-    table.row("worst separation", format("%.9f r   (Poisson-disk: at least 1)", report.worst_separation));
-  } else {
-    table.row("worst separation", "none, there is one sample");
-  }
-}
-
-void print_radii(const Table& table, const amps::SampleSet& samples) {
-  const double least = samples.radii.minCoeff(), most = samples.radii.maxCoeff();
-  table.row("radius r", least == most ? number(least)
-                                      : number(least) + " to " + number(most) + ", mean " + number(samples.radii.mean()));
-}
-
-void add_maximality(Json& json, const amps::MaximalityReport& report) {
-  json.open("maximality")
-      .add("maximal", report.maximal())
-      .add("poisson_disk", report.poisson_disk())
-      .add("worst_coverage", report.worst_coverage)
-      .add("worst_separation", report.worst_separation)
-      .add("gaps", report.gaps)
-      .add("gap_area", report.gap_area)
-      .close();
-}
-
-void print_quality(const Table& table, const amps::QualityReport& report, double radius) {
-  table.row("angles", format("%.2f to %.2f degrees", report.min_angle, report.max_angle));
-  table.row("mean smallest angle", format("%.2f degrees", report.mean_min_angle));
-  if (radius > 0) {
-    table.row("edges / r", format("%.6f to %.6f", report.min_edge / radius, report.max_edge / radius));
-  } else {
-    table.row("edges", format("%.6g to %.6g, mean %.6g", report.min_edge, report.max_edge, report.mean_edge));
-  }
-  if (report.interior_vertices > 0) table.row("valence 5 to 7", format("%.2f %%", report.valence_5_6_7));
-}
-
-void add_quality(Json& json, const amps::QualityReport& report, double radius) {
-  json.open("quality")
-      .add("triangles", report.triangles)
-      .add("min_angle", report.min_angle)
-      .add("max_angle", report.max_angle)
-      .add("mean_min_angle", report.mean_min_angle)
-      .add("percent_below_30", report.below_30)
-      .add("percent_above_90", report.above_90)
-      .add("min_edge", report.min_edge)
-      .add("max_edge", report.max_edge)
-      .add("mean_edge", report.mean_edge);
-  if (radius > 0)
-    json.add("min_edge_over_radius", report.min_edge / radius).add("max_edge_over_radius", report.max_edge / radius);
-  json.add("min_q", report.min_q)
-      .add("mean_q", report.mean_q)
-      .add("area_ratio", report.area_ratio)
-      .add("interior_vertices", report.interior_vertices)
-      .add("percent_valence_5_6_7", report.valence_5_6_7)
-      .add_list("valence", report.valence)
-      .close();
-}
-
-/// Wall-clock seconds by stage, in order.
-using Seconds = std::vector<std::pair<const char*, double>>;
-
-Seconds seconds_of(const amps::SamplingReport& report) {
-  return {{"darts", report.seconds_darts},
-          {"triangulation", report.seconds_triangulation},
-          {"diagram", report.seconds_diagram},
-          {"gaps", report.seconds_gaps}};
-}
-
-void print_seconds(const Table& table, const Seconds& seconds) {
-  std::string line;
-  for (const auto& [stage, s] : seconds) line += format("%s%s %.3f", line.empty() ? "" : ", ", stage, s);
-  table.row("seconds", line);
-}
-
-void add_seconds(Json& json, const Seconds& seconds) {
-  json.open("seconds");
-  for (const auto& [stage, s] : seconds) json.add(stage, s);
-  json.close();
-}
-
-void print_unfilled(const Table& table, const amps::SamplingReport& report) {
-  if (report.unfilled_gaps > 0)
-    table.row("unfilled gaps", number(report.unfilled_gaps) + ", move the mesh nearer to the origin");
-}
-
-/// Radius, or scale, and seed are the ones used: together they make the set again.
-void add_sampling(Json& json, const amps::SamplingReport& report) {
-  json.add("radius", report.radius)
-      .add("sizing_scale", report.sizing_scale)
-      .add("min_radius", report.min_radius)
-      .add("max_radius", report.max_radius)
-      .add("mean_radius", report.mean_radius)
-      .add("seed", report.seed)
-      .open("sampling")
-      .add("darts", report.darts)
-      .add("dart_samples", report.dart_samples)
-      .add("gap_samples", report.gap_samples)
-      .add("unfilled_gaps", report.unfilled_gaps)
-      .add("attempts", report.attempts)
-      .close();
-}
-
 /// The head of every statistics file.
 Json begin_json(const char* command) {
   Json json;
@@ -664,10 +504,36 @@ int run_sample(const Arguments& arguments) {
   return kExitDone;
 }
 
+/// --optimize and its companions.
+void set_optimization(const Arguments& arguments, amps::RemeshOptions& options) {
+  const std::string what = arguments.text("--optimize", "angle,valence");
+  if (what != "angle,valence" && what != "valence,angle" && what != "angle" && what != "valence" && what != "none") {
+    throw arguments.error("--optimize " + what + ": name angle, valence, angle,valence or none");
+  }
+  options.optimize = what != "none";
+  options.optimization.angles = what.find("angle") != std::string::npos;
+  options.optimization.valences = what.find("valence") != std::string::npos;
+  options.optimization.min_angle = arguments.positive("--angle-min");
+  options.optimization.max_angle = arguments.positive("--angle-max");
+  for (const char* name : {"--angle-min", "--angle-max"}) {
+    if (arguments.has(name) && !(options.optimize && options.optimization.angles)) {
+      throw arguments.error(std::string(name) + " goes with --optimize angle");
+    }
+  }
+  for (const char* name : {"--iterations", "--convergence"}) {
+    if (arguments.has(name) && !options.optimize) throw arguments.error(std::string(name) + " does not go with --optimize none");
+  }
+  const auto most = static_cast<std::uint64_t>(std::numeric_limits<int>::max());
+  options.optimization.max_iterations =
+      static_cast<int>(arguments.whole("--iterations", static_cast<std::uint64_t>(options.optimization.max_iterations), 0, most));
+}
+
 int run_remesh(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments);
   amps::RemeshOptions options;
   options.sampling = sampling_options(arguments);
+  set_optimization(arguments, options);
+  if (arguments.has("--convergence")) require_writable(arguments, arguments.text("--convergence"));
   require_mesh_output(arguments, arguments.operand(1));
   if (arguments.has("--samples")) require_sample_output(arguments, arguments.text("--samples"));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
@@ -689,6 +555,11 @@ int run_remesh(const Arguments& arguments) {
   const Stopwatch write;
   if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
   amps::write_mesh(arguments.operand(1), result.mesh);
+  if (arguments.has("--convergence")) {
+    std::ostringstream convergence;
+    amps::write_convergence(convergence, result.report.optimization);
+    write_file(arguments.text("--convergence"), convergence.str());
+  }
   const double seconds_write = write.seconds();
 
   const amps::RemeshReport& report = result.report;
@@ -699,8 +570,10 @@ int run_remesh(const Arguments& arguments) {
     seconds.push_back(stage);
     told += stage.second;
   }
-  seconds.insert(seconds.end(), {{"remesh", report.seconds_remesh},
-                                 {"checks", std::max(0.0, seconds_work - told - report.seconds_remesh)},
+  told += report.seconds_optimize + report.seconds_remesh;
+  seconds.insert(seconds.end(), {{"optimize", report.seconds_optimize},
+                                 {"remesh", report.seconds_remesh},
+                                 {"checks", std::max(0.0, seconds_work - told)},
                                  {"write", seconds_write},
                                  {"total", total.seconds()}});
 
@@ -708,6 +581,7 @@ int run_remesh(const Arguments& arguments) {
   json.add("vertices", static_cast<amps::Index>(result.mesh.vertices.rows()));
   json.add("triangles", static_cast<amps::Index>(result.mesh.triangles.rows()));
   add_sampling(json, report.sampling);
+  add_optimization(json, report.optimization);
   add_quality(json, report.quality, radius);
   add_maximality(json, report.maximality);
   add_topology(json, "input", report.input);
@@ -723,6 +597,7 @@ int run_remesh(const Arguments& arguments) {
   const Eigen::Index unused = result.mesh.vertices.rows() - report.output.vertices;
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));  // samples on parts as thin as r
   print_radii(table, result.samples);
+  print_optimization(table, report.optimization);
   print_quality(table, report.quality, radius);
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
@@ -889,7 +764,7 @@ const std::vector<Command>& commands() {
   static const Option kRmin{"--rmin", "R", "least radius; with --rmax left out, radii go up to 16 R"};
   static const Option kRmax{"--rmax", "R", "greatest radius"};
   static const Option kError{"--error", "E", "radii by curvature, so that triangles are at most E off"};
-  static const Option kGradation{"--gradation", "L", "how fast radii may grow along the surface (default 0.15): it sets the worst angle"};
+  static const Option kGradation{"--gradation", "L", "how fast radii may grow along the surface (default 0.1): it sets the worst angle"};
   static const Option kSeed{"--seed", "S", "of the random numbers (default 1): the same seed gives the same bits"};
   static const Option kThreads{"--threads", "T", "default 0: one per core; the result does not depend on it"};
   static const Option kJson{"--json", "FILE", "write the table as JSON too"};
@@ -905,14 +780,21 @@ const std::vector<Command>& commands() {
        "IN OUT",
        "replace a mesh by one of well-shaped triangles",
        "IN and OUT are meshes (.obj .off .ply .stl). With one radius R everywhere, all angles of OUT are in [30, 120] degrees and\n"
-       "all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation).",
+       "all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation). Optimisation narrows angles to\n"
+       "[35, 105], or [32, 114] where radii vary, and valences to 5, 6 and 7. Tighter bounds take longer: --angle-min 42 --angle-max 90\n"
+       "makes all triangles acute, in five times the time.",
        {kRadius,
-        kVertices,
+        {"--vertices", "N", "number of vertices wanted instead, met within 2 %"},
         kSizing,
         kRmin,
         kRmax,
         kError,
         kGradation,
+        {"--optimize", "WHAT", "angle,valence (default), angle, valence, or none"},
+        {"--angle-min", "DEG", "least angle to reach, below 60"},
+        {"--angle-max", "DEG", "greatest angle to reach, above 60"},
+        {"--iterations", "N", "stop optimising after so many visits to all that is bad"},
+        {"--convergence", "FILE", "write the course of optimisation as CSV"},
         kSeed,
         kThreads,
         {"--samples", "FILE", "write the vertices as a sample set too (.xyzr .ply .csv)"},

@@ -34,8 +34,11 @@ using amps::Vec3;
 
 namespace {
 
+// Without optimisation: what holds of every maximal set is tested on plain ones.
+
 RemeshOptions with_radius(double radius, std::uint64_t seed = 1) {
   RemeshOptions options;
+  options.optimize = false;
   options.sampling.radius = radius;
   options.sampling.seed = seed;
   return options;
@@ -43,6 +46,7 @@ RemeshOptions with_radius(double radius, std::uint64_t seed = 1) {
 
 RemeshOptions with_count(Index count) {
   RemeshOptions options;
+  options.optimize = false;
   options.sampling.target_count = count;
   return options;
 }
@@ -410,11 +414,29 @@ TEST_CASE("remesh: one sample, or two, have no triangle") {
   CHECK(amps::restricted_triangulation(amps::make_sphere(320), two).triangles.rows() == 0);
 }
 
+TEST_CASE("remesh: optimised unless told otherwise") {
+  const Mesh mesh = amps::make_torus();
+  RemeshOptions options;
+  options.sampling.target_count = 3000;
+  options.sampling.seed = 3;
+  const RemeshResult result = amps::remesh(mesh, options);
+  const amps::RemeshReport& report = result.report;
+  CHECK(result.status == Status::kDone);
+  CHECK(report.optimization.status == amps::OptimizeStatus::kDone);
+  CHECK(std::fabs(result.samples.size() - 3000) <= 0.025 * 3000);
+  CHECK(report.quality.min_angle >= 35);
+  CHECK(report.quality.max_angle <= 105);
+  CHECK(report.quality.valence_5_6_7 == 100);
+  check_remeshed(mesh, result, report.sampling.radius);
+  CHECK(amps::restricted_triangulation(mesh, result.samples).triangles == result.mesh.triangles);
+}
+
 TEST_CASE("remesh: cancelled, it returns what there is") {
   const Mesh mesh = amps::make_torus();
-  for (const std::string wanted : {"dart throwing", "restricted power diagram", "gap filling"}) {
+  for (const std::string wanted : {"dart throwing", "restricted power diagram", "gap filling", "optimizing"}) {
     CAPTURE(wanted);
     RemeshOptions options = with_radius(0.04);
+    options.optimize = true;
     bool seen = false;
     options.sampling.progress = Progress([&](const char* stage, double) {
       seen = seen || stage == wanted;
@@ -425,7 +447,8 @@ TEST_CASE("remesh: cancelled, it returns what there is") {
     CHECK(result.status == Status::kCancelled);
     CHECK(result.samples.size() > 0);
     CHECK(same_bits(result.mesh.vertices, result.samples.positions));
-    CHECK((result.mesh.triangles.rows() > 0) == (wanted == "gap filling"));
+    CHECK((result.mesh.triangles.rows() > 0) == (wanted == "gap filling" || wanted == "optimizing"));
+    CHECK((wanted != "optimizing" || result.report.maximality.maximal()));
   }
 }
 
@@ -455,6 +478,11 @@ TEST_CASE("remesh: the same seed gives the same bits with every compiler and bui
   };
   CHECK(hash(amps::remesh(amps::make_square(3), with_radius(0.02))) == 3489861631424202782u);
   CHECK(hash(amps::remesh(amps::make_cube(7), with_radius(0.05))) == 560583636541334091u);
+  RemeshOptions optimized = with_radius(0.02);
+  optimized.optimize = true;
+  optimized.optimization.min_angle = 38;
+  optimized.optimization.max_angle = 100;
+  CHECK(hash(amps::remesh(amps::make_square(3), optimized)) == 2132756603367085275u);
 }
 
 TEST_SUITE("slow") {

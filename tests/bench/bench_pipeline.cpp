@@ -133,6 +133,7 @@ void pipeline_sample(benchmark::State& state) {
 void pipeline_remesh(benchmark::State& state) {
   run(state, [](const PipelineCase& c) {
     amps::RemeshOptions options;
+  options.optimize = false;
     options.sampling = c.options;
     return amps::remesh(c.mesh, options).samples.size();
   });
@@ -237,6 +238,7 @@ void table2_remesh(benchmark::State& state) {
   const amps::Mesh mesh = is_bunny ? bunny() : amps_test::data_mesh_or("triceratops.off", amps::make_knot());
   const amps::Index count = is_bunny ? 9800 : 9000;
   amps::RemeshOptions options;
+  options.optimize = false;
   amps::SizingField field = amps::lfs_sizing(mesh).with_ratio();
   field = field.scaled(amps::count_factor(field, count));
   options.sampling.sizing = gradation > 0 ? field.limited(gradation) : field;
@@ -263,6 +265,7 @@ void table2_remesh(benchmark::State& state) {
 void adaptive_remesh(benchmark::State& state) {
   const amps::Mesh mesh = bunny();
   amps::RemeshOptions options;
+  options.optimize = false;
   options.sampling.target_count = 12000;
   double lfs = 0, count = 0;
   for (auto iteration : state) {

@@ -1,0 +1,220 @@
+// cli_report.h: the reports of the library as rows of the table and as JSON.
+#pragma once
+
+#include "amps/amps.h"
+#include "cli_output.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+inline void print_distance(const Table& table, const amps::DistanceReport& report) {
+  const auto row = [&](const char* name, double distance) {
+    table.row(name, format("%.6g   (%.4g %% of its diagonal)", distance, report.percent(distance)));
+  };
+  row("Hausdorff distance", report.hausdorff());
+  row("RMS distance", report.rms());
+  row("mean distance", report.mean());
+}
+
+inline void add_one_sided(Json& json, const char* key, const amps::OneSidedDistance& side) {
+  json.open(key)
+      .add("hausdorff", side.hausdorff)
+      .add("hausdorff_lower", side.hausdorff_lower)
+      .add("rms", side.rms)
+      .add("mean", side.mean)
+      .close();
+}
+
+inline void add_distance(Json& json, const std::string& reference, const amps::DistanceReport& report) {
+  json.open("distance")
+      .add("reference", reference)
+      .add("reference_diagonal", report.diagonal)
+      .add("hausdorff", report.hausdorff())
+      .add("hausdorff_lower", report.hausdorff_lower())
+      .add("rms", report.rms())
+      .add("mean", report.mean())
+      .add("hausdorff_percent", report.percent(report.hausdorff()))
+      .add("rms_percent", report.percent(report.rms()))
+      .add("mean_percent", report.percent(report.mean()));
+  add_one_sided(json, "from_reference", report.forward);
+  add_one_sided(json, "to_reference", report.backward);
+  json.close();
+}
+
+inline void print_topology(const Table& table, const amps::TopologyReport& in, const amps::TopologyReport& out) {
+  const auto row = [&](const char* name, amps::Index amps::TopologyReport::*member) {
+    table.row(name, number(in.*member), number(out.*member));
+  };
+  row("components", &amps::TopologyReport::components);
+  row("Euler characteristic", &amps::TopologyReport::euler_characteristic);
+  row("boundary loops", &amps::TopologyReport::boundary_loops);
+  row("non-manifold edges", &amps::TopologyReport::non_manifold_edges);
+  row("non-manifold vertices", &amps::TopologyReport::non_manifold_vertices);
+}
+
+inline void add_topology(Json& json, const char* key, const amps::TopologyReport& report) {
+  json.open(key)
+      .add("vertices", report.vertices)
+      .add("edges", report.edges)
+      .add("triangles", report.facets)
+      .add("components", report.components)
+      .add("euler_characteristic", report.euler_characteristic)
+      .add("boundary_edges", report.boundary_edges)
+      .add("boundary_loops", report.boundary_loops)
+      .add("non_manifold_edges", report.non_manifold_edges)
+      .add("non_manifold_vertices", report.non_manifold_vertices)
+      .add("inconsistent_edges", report.inconsistent_edges)
+      .close();
+}
+
+inline void print_maximality(const Table& table, const amps::MaximalityReport& report) {
+  table.row("worst coverage", format("%.9f r   (maximal: at most 1)", report.worst_coverage));
+  if (std::isfinite(report.worst_separation)) {
+    table.row("worst separation", format("%.9f r   (Poisson-disk: at least 1)", report.worst_separation));
+  } else {
+    table.row("worst separation", "none, there is one sample");
+  }
+}
+
+inline void print_radii(const Table& table, const amps::SampleSet& samples) {
+  const double least = samples.radii.minCoeff(), most = samples.radii.maxCoeff();
+  table.row("radius r", least == most ? number(least)
+                                      : number(least) + " to " + number(most) + ", mean " + number(samples.radii.mean()));
+}
+
+inline void add_maximality(Json& json, const amps::MaximalityReport& report) {
+  json.open("maximality")
+      .add("maximal", report.maximal())
+      .add("poisson_disk", report.poisson_disk())
+      .add("worst_coverage", report.worst_coverage)
+      .add("worst_separation", report.worst_separation)
+      .add("gaps", report.gaps)
+      .add("gap_area", report.gap_area)
+      .close();
+}
+
+inline void print_quality(const Table& table, const amps::QualityReport& report, double radius) {
+  table.row("angles", format("%.2f to %.2f degrees", report.min_angle, report.max_angle));
+  table.row("mean smallest angle", format("%.2f degrees", report.mean_min_angle));
+  if (radius > 0) {
+    table.row("edges / r", format("%.6f to %.6f", report.min_edge / radius, report.max_edge / radius));
+  } else {
+    table.row("edges", format("%.6g to %.6g, mean %.6g", report.min_edge, report.max_edge, report.mean_edge));
+  }
+  if (report.interior_vertices > 0) table.row("valence 5 to 7", format("%.2f %%", report.valence_5_6_7));
+}
+
+inline void add_quality(Json& json, const amps::QualityReport& report, double radius) {
+  json.open("quality")
+      .add("triangles", report.triangles)
+      .add("min_angle", report.min_angle)
+      .add("max_angle", report.max_angle)
+      .add("mean_min_angle", report.mean_min_angle)
+      .add("percent_below_30", report.below_30)
+      .add("percent_above_90", report.above_90)
+      .add("min_edge", report.min_edge)
+      .add("max_edge", report.max_edge)
+      .add("mean_edge", report.mean_edge);
+  if (radius > 0)
+    json.add("min_edge_over_radius", report.min_edge / radius).add("max_edge_over_radius", report.max_edge / radius);
+  json.add("min_q", report.min_q)
+      .add("mean_q", report.mean_q)
+      .add("area_ratio", report.area_ratio)
+      .add("interior_vertices", report.interior_vertices)
+      .add("percent_valence_5_6_7", report.valence_5_6_7)
+      .add_list("valence", report.valence)
+      .close();
+}
+
+/// Wall-clock seconds by stage, in order.
+using Seconds = std::vector<std::pair<const char*, double>>;
+
+inline Seconds seconds_of(const amps::SamplingReport& report) {
+  return {{"darts", report.seconds_darts},
+          {"triangulation", report.seconds_triangulation},
+          {"diagram", report.seconds_diagram},
+          {"gaps", report.seconds_gaps}};
+}
+
+inline void print_seconds(const Table& table, const Seconds& seconds) {
+  std::string line;
+  for (const auto& [stage, s] : seconds) line += format("%s%s %.3f", line.empty() ? "" : ", ", stage, s);
+  table.row("seconds", line);
+}
+
+inline void add_seconds(Json& json, const Seconds& seconds) {
+  json.open("seconds");
+  for (const auto& [stage, s] : seconds) json.add(stage, s);
+  json.close();
+}
+
+inline void print_unfilled(const Table& table, const amps::SamplingReport& report) {
+  if (report.unfilled_gaps > 0)
+    table.row("unfilled gaps", number(report.unfilled_gaps) + ", move the mesh nearer to the origin");
+}
+
+/// Radius, or scale, and seed are the ones used: together they make the set again.
+inline void add_sampling(Json& json, const amps::SamplingReport& report) {
+  json.add("radius", report.radius)
+      .add("sizing_scale", report.sizing_scale)
+      .add("min_radius", report.min_radius)
+      .add("max_radius", report.max_radius)
+      .add("mean_radius", report.mean_radius)
+      .add("seed", report.seed)
+      .open("sampling")
+      .add("darts", report.darts)
+      .add("dart_samples", report.dart_samples)
+      .add("gap_samples", report.gap_samples)
+      .add("unfilled_gaps", report.unfilled_gaps)
+      .add("attempts", report.attempts)
+      .close();
+}
+
+inline std::string status_text(amps::OptimizeStatus status) {
+  switch (status) {
+    case amps::OptimizeStatus::kDone:
+      return "done";
+    case amps::OptimizeStatus::kIterationLimit:
+      return "iteration limit";
+    case amps::OptimizeStatus::kStalled:
+      return "stalled";
+    default:
+      return "cancelled";
+  }
+}
+
+inline void print_optimization(const Table& table, const amps::OptimizeReport& report) {
+  if (report.iterations.empty()) return;
+  const amps::OptimizeIteration& last = report.iterations.back();
+  const std::string bounds = format("angles in [%g, %g], valences 5 to 7", report.min_angle, report.max_angle);
+  if (report.status == amps::OptimizeStatus::kDone) {
+    table.row("optimised", bounds + ": reached");
+  } else {
+    table.row("optimised", bounds + ": " + status_text(report.status) + ", left bad " + number(last.bad_triangles) + " triangles, " +
+                               number(last.bad_vertices) + " vertices");
+  }
+  table.row("samples replaced, added", number(report.removed) + ", " + std::to_string(report.added - report.removed));
+}
+
+inline void add_optimization(Json& json, const amps::OptimizeReport& report) {
+  if (report.iterations.empty()) return;
+  const amps::OptimizeIteration &first = report.iterations.front(), &last = report.iterations.back();
+  json.open("optimization")
+      .add("status", status_text(report.status))
+      .add("min_angle", report.min_angle)
+      .add("max_angle", report.max_angle)
+      .add("iterations", static_cast<amps::Index>(report.iterations.size() - 1))
+      .add("bad_triangles_before", first.bad_triangles)
+      .add("bad_triangles_after", last.bad_triangles)
+      .add("bad_vertices_before", first.bad_vertices)
+      .add("bad_vertices_after", last.bad_vertices)
+      .add("removed", report.removed)
+      .add("added", report.added)
+      .add("trials", report.trials)
+      .add("edits", report.edits)
+      .add("accepted", report.accepted)
+      .close();
+}
