@@ -139,14 +139,16 @@ TEST_SUITE("slow") {
       CHECK(row.quality.above_90 == 0);
     }
 
-    // Acute triangles keep the second ring of neighbours off √2 r, so the correlation is deeper there than that of the maximal set.
+    // More even triangles: fewer pairs that touch, and a gap between the first ring of neighbours and the second.
     const Mesh& sphere = meshes[1];
     const double area = amps::total_area(sphere), radius = std::sqrt(amps::kSamplesPerDensity * area / 12000);
     const SampleSet maximal = amps::sample(sphere, with_radius(radius)).samples;
     const Row row(sphere, with_radius(radius), 42, 90, 1);
-    const auto at_sqrt2 = [&](const SampleSet& samples) {
-      return amps_test::pair_correlation(samples.positions, all_of(samples), samples.size() / area, 1.4 * radius, 0.1 * radius, 1)[0];
+    const auto g = [&](const SampleSet& samples, double from, double to) {
+      return amps_test::pair_correlation(samples.positions, all_of(samples), samples.size() / area, from * radius,
+                                         (to - from) * radius, 1)[0];
     };
-    CHECK(at_sqrt2(row.result.samples) < at_sqrt2(maximal));
+    CHECK(g(row.result.samples, 1, 1.05) < 0.8 * g(maximal, 1, 1.05));
+    CHECK(g(row.result.samples, 1.65, 1.75) < 0.6 * g(maximal, 1.65, 1.75));
   }
 }

@@ -5,7 +5,7 @@
 //   amps_bench --benchmark_filter=optimize_table1    uniform, [35, 105] degrees
 //   amps_bench --benchmark_filter=optimize_table2    by local feature size, [32, 114] degrees
 //   amps_bench --benchmark_filter=optimize_past      [38, 100], [42, 90], [45, 85] degrees
-//   amps_bench --benchmark_filter=optimize_scaling   10k, 100k and 1M samples: about 8 minutes and 2 GB
+//   amps_bench --benchmark_filter=optimize_scaling   10k, 100k and 1M samples: about 2 minutes and 1.5 GB
 //   amps_bench --benchmark_filter=optimize_threads
 //   amps_bench --benchmark_filter=optimize_randomness
 #include "amps/optimize.h"
