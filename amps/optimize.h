@@ -29,7 +29,7 @@ struct OptimizeOptions {
                          ///< bad; vertices on edges of more than two triangles are not
   /// Degrees; 0 < min_angle < 60 < max_angle < 180. 0: the paper's, [35, 105] where all radii are equal and [32, 114] elsewhere
   /// (115 there would let Q_min fall below its 0.51). Where radii are equal or of gradation 0.1 and less, [42, 90] is in reach too; it
-  /// takes five times as long, and 5 % more samples.
+  /// takes five times as long, and 4 % more samples.
   double min_angle = 0;
   double max_angle = 0;
   /// Visits to everything that is bad, 0 or more.
