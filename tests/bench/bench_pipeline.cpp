@@ -12,16 +12,12 @@
 #include "amps/shapes.h"
 #include "amps/sizing.h"
 #include "../test_data.h"
+#include "peak_memory.h"
 
 #include <benchmark/benchmark.h>
 
-#if defined(__GLIBC__)
-#include <malloc.h>
-#endif
-
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <memory>
 #include <string>
 #include <utility>
@@ -203,23 +199,6 @@ void edit_diagram(benchmark::State& state) {
 
 BENCHMARK(edit_diagram)->ArgsProduct({{0, 1}, {0, 1}})->UseManualTime()->Unit(benchmark::kMillisecond);
 
-/// Peak resident memory since the last reset, in bytes; 0 where the system does not say.
-double peak_memory() {
-  std::ifstream status("/proc/self/status");
-  for (std::string line; std::getline(status, line);) {
-    if (line.rfind("VmHWM:", 0) == 0) return 1024.0 * std::stod(line.substr(6));
-  }
-  return 0;
-}
-
-double reset_peak_memory() {
-#if defined(__GLIBC__)
-  malloc_trim(0);  // or what earlier cases left in the heap would not count
-#endif
-  std::ofstream("/proc/self/clear_refs") << 5;
-  return peak_memory();
-}
-
 /// range(0): samples; range(1): 1 with radii 1:16; range(2): 1 on the bunny.
 void scaling_sample(benchmark::State& state) {
   const amps::Mesh mesh = state.range(2) != 0 ? bunny() : amps::make_sphere(20480);
@@ -234,9 +213,9 @@ void scaling_sample(benchmark::State& state) {
   amps::SamplingReport report;
   for (auto iteration : state) {
     static_cast<void>(iteration);
-    const double before = reset_peak_memory();
+    const double before = amps_bench::reset_peak_memory();
     const amps::SamplingResult result = amps::sample(mesh, options);
-    memory = peak_memory() - before;
+    memory = amps_bench::peak_memory() - before;
     made = result.samples.size();
     report = result.report;
   }
