@@ -9,7 +9,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <locale>
 #include <ostream>
+#include <sstream>
 #include <string>
 #include <utility>
 
@@ -251,8 +253,7 @@ class Optimizer {
   bool visit(const std::vector<BadItem>& items) {
     const std::size_t batch = std::min(std::max(set_.alive.size() / 64, kLeastBatch), kMostBatch);
     for (std::size_t first = 0; first < items.size(); first += batch) {
-      const double done = static_cast<double>(report_.iterations.size()) - 1 + static_cast<double>(first) / static_cast<double>(items.size());
-      if (!options_.progress.report("optimizing", done / options_.max_iterations)) return false;
+      if (!goes_on(first, items.size())) return false;
       const std::size_t n = std::min(batch, items.size() - first);
       const std::uint64_t seed = rng_.next();
       ++clock_;
@@ -267,6 +268,12 @@ class Optimizer {
       for (std::size_t k = 0; k < n; ++k) carry_out(items[first + k], proposals[k]);
     }
     return true;
+  }
+
+  /// Reports progress: `k` of n items in this iteration.
+  bool goes_on(std::size_t k, std::size_t n) const {
+    const double done = iteration_ + static_cast<double>(k) / static_cast<double>(n);
+    return options_.progress.report("optimizing", std::min(1.0, done / options_.max_iterations));
   }
 
   /// Is it still there, and bad?
@@ -467,7 +474,7 @@ class Optimizer {
   void kick_all(const std::vector<BadItem>& items, int more) {
     std::size_t kicks = 0;
     for (const BadItem& item : items) {
-      if (kicks == kMostKicks || options_.progress.cancelled()) return;
+      if (kicks == kMostKicks || !goes_on(items.size(), items.size())) return;
       if (!is_current(item)) continue;
       ++kicks;
       kick(item, 1 + more);
@@ -681,6 +688,13 @@ double expected_growth(const OptimizeOptions& options, bool uniform) {
   return kGrowth[k - 1][1] + t * (kGrowth[k][1] - kGrowth[k - 1][1]);
 }
 
+bool has_gaps(const RestrictedPowerDiagram& diagram) {
+  for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+    if (diagram.alive(f) && fragment_has_gap(diagram, diagram.polygon(f))) return true;
+  }
+  return false;
+}
+
 OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids) {
   require_optimize_options(options);
@@ -702,18 +716,40 @@ OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const Op
                                                  std::to_string(options.sizing.num_facets()) + " facets; this one has " +
                                                  std::to_string(mesh.num_facets()) + "); make it from the mesh the samples are on");
   }
-  RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, options.threads);
   std::vector<Index> ids;
-  return detail::optimize_diagram(diagram, samples, options, ids);
+  RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, options.threads);
+  if (!detail::has_gaps(diagram)) return detail::optimize_diagram(diagram, samples, options, ids);
+  SamplingOptions filling;
+  filling.sizing = options.sizing;
+  filling.seed = options.seed;
+  filling.threads = options.threads;
+  filling.progress = options.progress;
+  const SamplingResult filled = fill_gaps(mesh, samples, filling);
+  if (filled.status == Status::kCancelled) {
+    OptimizeResult result{filled.samples, {}};
+    result.report.status = OptimizeStatus::kCancelled;
+    return result;
+  }
+  RestrictedPowerDiagram whole = detail::diagram_of(mesh, filled.samples, options.threads);
+  OptimizeResult result = detail::optimize_diagram(whole, filled.samples, options, ids);
+  const auto first_new = ids.begin() + (filled.samples.size() - result.report.removed);
+  const auto kept = static_cast<Index>(std::count_if(ids.begin(), first_new, [&](Index s) { return s < samples.size(); }));
+  result.report.removed = samples.size() - kept;
+  result.report.added = result.samples.size() - kept;
+  return result;
 }
 
-void write_convergence(std::ostream& out, const OptimizeReport& report) {
+void write_convergence(std::ostream& stream, const OptimizeReport& report) {
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(9);
   out << "iteration,bad_triangles,bad_vertices,min_angle,max_angle,samples,energy,seconds\n";
   for (std::size_t k = 0; k < report.iterations.size(); ++k) {
     const OptimizeIteration& line = report.iterations[k];
     out << k << ',' << line.bad_triangles << ',' << line.bad_vertices << ',' << line.min_angle << ',' << line.max_angle << ','
         << line.samples << ',' << line.energy << ',' << line.seconds << '\n';
   }
+  stream << out.str();
 }
 
 std::ostream& operator<<(std::ostream& out, const OptimizeReport& report) {

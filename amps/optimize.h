@@ -26,7 +26,7 @@ namespace amps {
 struct OptimizeOptions {
   bool angles = true;    ///< triangles with an angle below min_angle or above max_angle are bad
   bool valences = true;  ///< inner vertices with less than 5 or more than 7 neighbours, and boundary vertices with more than 5, are
-                         ///< bad; vertices on edges of more than two triangles are not
+                         ///< bad; the latter not on edges of more than two triangles
   /// Degrees; 0 < min_angle < 60 < max_angle < 180. 0: the paper's, [35, 105] where all radii are equal and [32, 114] elsewhere
   /// (115 there would let Q_min fall below its 0.51). Where radii are equal or of gradation 0.1 and less, [42, 90] is in reach too; it
   /// takes five times as long, and 4 % more samples.
@@ -59,7 +59,9 @@ struct OptimizeIteration {
   double min_angle = 0;     ///< degrees, over bad triangles, and over all in the first line and the last; 0 if there is none
   double max_angle = 0;
   Index samples = 0;
-  double energy = 0;   ///< what is lowered: degrees out of bounds (half of those above), 0.5 a bad triangle, 5 a missing or extra valence
+  /// What is lowered: degrees out of bounds to first order (half of those above), 0.25 for each angle below and 0.5 for each above,
+  /// 5 a missing or extra valence. Vertices on edges of more than two triangles join when all else is good.
+  double energy = 0;
   double seconds = 0;  ///< wall clock since the start
 };
 
@@ -80,8 +82,7 @@ struct OptimizeResult {
   OptimizeReport report;
 };
 
-/// Optimises a maximal Poisson-disk set (fill_gaps makes one of any set; if it is not, the gaps near what is changed are filled).
-/// Cancelled or stopped early, the result is the best state so far, a maximal Poisson-disk set as well. Throws as verify_maximal,
+/// Optimises a maximal Poisson-disk set; if it is not maximal, fill_gaps() comes first. Cancelled or stopped early, the result is the best state so far, a maximal Poisson-disk set as well. Throws as verify_maximal,
 /// and Error(kInvalidArgument) for options out of range or a sizing field of another mesh. About 20 µs a sample to the
 /// paper's bounds. Thread-safe.
 OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const OptimizeOptions& options);
@@ -95,6 +96,8 @@ void require_optimize_options(const OptimizeOptions& options);
 
 /// Samples that optimisation adds, relative to those there are: measured, good to 0.01.
 double expected_growth(const OptimizeOptions& options, bool uniform);
+
+bool has_gaps(const RestrictedPowerDiagram& diagram);
 
 /// optimize() on a diagram of exactly these samples, which is edited; what is removed leaves its id unused. `ids` (out): of the samples
 /// of the result.

@@ -317,6 +317,8 @@ void check_result(const TestSet& set, const OptimizeResult& result, bool rated_o
     check_line(result.report.iterations.back(), after, result.samples);
     CHECK(result.report.iterations.front().min_angle == doctest::Approx(before.min_angle).epsilon(1e-9));
     CHECK(result.report.iterations.front().max_angle == doctest::Approx(before.max_angle).epsilon(1e-9));
+    CHECK(result.report.iterations.back().min_angle == doctest::Approx(after.min_angle).epsilon(1e-9));
+    CHECK(result.report.iterations.back().max_angle == doctest::Approx(after.max_angle).epsilon(1e-9));
     check_never_rises(result.report);
     CHECK((result.report.status == OptimizeStatus::kDone) == (after.triangles + after.vertices == 0));
   }
@@ -337,8 +339,8 @@ TEST_CASE("optimize: every state is a maximal Poisson-disk set, and better than 
       // The same course, cut short.
       const std::size_t lines = std::min(at(k) + 1, whole.report.iterations.size());
       REQUIRE(part.report.iterations.size() == lines);
-      CHECK(
-          std::equal(part.report.iterations.begin(), part.report.iterations.end(), whole.report.iterations.begin(), same_line));
+      CHECK(std::equal(part.report.iterations.begin(), part.report.iterations.end() - 1, whole.report.iterations.begin(), same_line));
+      CHECK(part.report.iterations.back().energy == whole.report.iterations[lines - 1].energy);  // last angles are of all triangles
       CHECK((part.report.status == OptimizeStatus::kDone) == (lines == whole.report.iterations.size()));
       if (part.report.status != OptimizeStatus::kDone) CHECK(part.report.status == OptimizeStatus::kIterationLimit);
       if (k == 0) CHECK(same_set(part.samples, set.samples));
@@ -530,16 +532,18 @@ TEST_CASE("optimize: what is out of reach ends as stalled or at the limit, no wo
   for (const TestSet& set : {uniform_set("sphere", amps::make_sphere(320), 60), uniform_set("square", amps::make_square(2), 40),
                              graded_set("graded sphere", amps::make_sphere(320), 60)}) {
     CAPTURE(set.name);
-    OptimizeOptions options = options_for(set, 12);
+    OptimizeOptions options = options_for(set);
     options.min_angle = 59;
     options.max_angle = 61;
     const OptimizeResult result = optimized(set, options);
     check_result(set, result);
-    CHECK(result.report.status == OptimizeStatus::kIterationLimit);
-    CHECK(result.report.iterations.size() == 13);
+    CHECK(result.report.status == OptimizeStatus::kStalled);
+    CHECK(result.report.iterations.size() < 100);
     CHECK(result.report.iterations.back().energy < result.report.iterations.front().energy);
     options.max_iterations = 1;
-    CHECK(optimized(set, options).report.iterations.size() == 2);
+    const OptimizeResult limited = optimized(set, options);
+    CHECK(limited.report.status == OptimizeStatus::kIterationLimit);
+    CHECK(limited.report.iterations.size() == 2);
   }
 }
 
