@@ -21,9 +21,10 @@ namespace {
 
 /// Iterations in a row that bring nothing before it is given up, and before kicks begin.
 constexpr int kIdleIterations = 32, kIdleBeforeKicks = 2;
-/// Kicks in one iteration, rounds of improvement after one, and idle iterations for which kicks grow by a sample.
-constexpr std::size_t kMostKicks = 64;
-constexpr int kKickRounds = 16, kIdlePerSample = 6;
+/// Kicks in one iteration, rounds of improvement after one; samples that a kick takes out beyond the usual: any number up to one that
+/// grows by one in so many idle iterations, and ends at a ring and a half.
+constexpr std::size_t kLeastKicks = 8, kMostKicks = 64;
+constexpr int kKickRounds = 16, kIdlePerSample = 2, kMostKicked = 10;
 /// It is also given up when this work, in refills tried per sample, has not halved the energy; an edit counts as so many of them.
 /// (To [46, 83], the tightest bounds at hand for a user who can wait, it takes 15 per halving.)
 constexpr double kWorkPerHalving = 200, kWorkOfEdit = 40;
@@ -152,7 +153,7 @@ class Optimizer {
         bad_items();
         return OptimizeStatus::kCancelled;
       }
-      if (report_.accepted == accepted && idle >= kIdleBeforeKicks) kick_all(items, idle / kIdlePerSample);
+      if (report_.accepted == accepted && idle >= kIdleBeforeKicks) kick_all(items, std::min(1 + idle / kIdlePerSample, kMostKicked));
       idle = report_.accepted == accepted ? idle + 1 : 0;
     }
   }
@@ -471,13 +472,13 @@ class Optimizer {
     std::vector<Index> added;
   };
 
-  void kick_all(const std::vector<BadItem>& items, int more) {
-    std::size_t kicks = 0;
-    for (const BadItem& item : items) {
-      if (kicks == kMostKicks || !goes_on(items.size(), items.size())) return;
-      if (!is_current(item)) continue;
-      ++kicks;
-      kick(item, 1 + more);
+  void kick_all(const std::vector<BadItem>& items, int most) {
+    const std::size_t n = std::min(std::max(items.size(), kLeastKicks), kMostKicks);
+    const std::uint64_t accepted = report_.accepted;
+    for (std::size_t k = 0; k < n && (k < items.size() || report_.accepted == accepted); ++k) {
+      if (!goes_on(items.size(), items.size())) return;
+      const BadItem& item = items[k % items.size()];
+      if (is_current(item)) kick(item, 1 + static_cast<int>(rng_.below(static_cast<std::uint64_t>(most))));
     }
   }
 
