@@ -184,11 +184,12 @@ class RefillFinder {
     proposal_ = Proposal();
     bool copied = true;
     best_gain_ = kLeastGain;
+    perfect_ = false;
     const std::size_t corners = item.b == kNone ? 1 : 3;
     std::array<Index, 3> corner = {item.a, item.b, item.c};
     for (std::size_t k = corners; k > 1; --k) std::swap(corner[k - 1], corner[rng.below(k)]);
     // Small patches first: they cost least to try and to carry out.
-    for (std::size_t k = 0; k < corners; ++k) {
+    for (std::size_t k = 0; k < corners && !perfect_; ++k) {
       removed_.assign(1, corner[k]);
       copied = try_patch(rng) && copied;
     }
@@ -231,11 +232,12 @@ class RefillFinder {
     fill_pool(rng);
     bool improved = false;
     double best = -best_gain_;
-    for (int refill = 0; refill < refills_ && !pool_.empty(); ++refill) {
+    for (int refill = 0; refill < refills_ && !pool_.empty() && !perfect_; ++refill) {
       ++proposal_.trials;
       if (!try_refill(rng)) continue;
-      const double energy = trial_.energy() + kPerSample * static_cast<double>(chosen_.size()) - before;
+      const double after = trial_.energy(), energy = after + kPerSample * static_cast<double>(chosen_.size()) - before;
       if (!(energy < best)) continue;
+      perfect_ = after == 0 && chosen_.size() <= removed_.size();
       best = energy;
       best_gain_ = -energy;
       improved = true;
@@ -365,6 +367,7 @@ class RefillFinder {
   const RefillRadii& radii_;
   int refills_;
   double best_gain_ = 0;
+  bool perfect_ = false;  ///< nothing is bad in the patch any more, and no sample has been added: no need to look further
   Proposal proposal_;
   TrialPatch patch_, trial_;
   std::vector<Index> removed_, ids_;
