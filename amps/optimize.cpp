@@ -31,8 +31,10 @@ constexpr double kWorkPerHalving = 200, kWorkOfEdit = 40;
 /// Edits of the diagram spent on vertices at crossings, beyond one for every fourth sample: 0.2 ms each. Where a surface meets
 /// itself there may be no end of them.
 constexpr std::uint64_t kEditsAtCrossings = 500;
-/// Items looked at before what was found is carried out: more are more parallel, and more of it out of date. Bounds of it.
-constexpr std::size_t kLeastBatch = 64, kMostBatch = 4096;
+/// Items are visited in stretches of so many ids, which mostly follow a curve in space, so that memory is at hand, and in random order
+/// in each. So many are looked at before what was found is carried out: more are more parallel, and more of it out of date.
+constexpr Index kStretch = 16384;
+constexpr std::size_t kLeastBatch = 64, kMostBatch = 256;
 /// Refills of the diagram itself, where a patch cannot be copied.
 constexpr int kRefillsInPlace = 8;
 /// Darts for one gap of the diagram; samples for one refill.
@@ -148,7 +150,6 @@ class Optimizer {
       if (idle == kIdleIterations || slow || !affords_edits_in_place()) return OptimizeStatus::kStalled;
       if (iteration_ == options_.max_iterations) return OptimizeStatus::kIterationLimit;
       const std::uint64_t accepted = report_.accepted;
-      for (std::size_t k = items.size(); k > 1; --k) std::swap(items[k - 1], items[rng_.below(k)]);
       if (!visit(items)) {
         bad_items();
         return OptimizeStatus::kCancelled;
@@ -250,25 +251,32 @@ class Optimizer {
     return range;
   }
 
-  /// Looks at items batch by batch, in parallel, and does what is proposed, in order. False if cancelled.
-  bool visit(const std::vector<BadItem>& items) {
+  /// Visits items that are sorted by their first corner, in another order. False if cancelled.
+  bool visit(std::vector<BadItem>& items) {
     const std::size_t batch = std::min(std::max(set_.alive.size() / 64, kLeastBatch), kMostBatch);
-    for (std::size_t first = 0; first < items.size(); first += batch) {
-      if (!goes_on(first, items.size())) return false;
-      const std::size_t n = std::min(batch, items.size() - first);
-      const std::uint64_t seed = rng_.next();
-      ++clock_;
-      std::vector<Proposal> proposals(n);
-      parallel_for(n, 16, options_.threads, [&](std::size_t begin, std::size_t end) {
-        RefillFinder finder(diagram_, set_, rating_, radii_, options_.refills);
-        for (std::size_t k = begin; k < end; ++k) {
-          const BadItem& item = items[first + k];
-          if (is_current(item)) proposals[k] = finder.find(item, Rng(scramble(seed + k)));
-        }
-      });
-      for (std::size_t k = 0; k < n; ++k) carry_out(items[first + k], proposals[k]);
+    for (std::size_t begin = 0, end; begin < items.size(); begin = end) {
+      for (end = begin + 1; end < items.size() && items[end].a / kStretch == items[begin].a / kStretch;) ++end;
+      for (std::size_t k = end - begin; k > 1; --k) std::swap(items[begin + k - 1], items[begin + rng_.below(k)]);
+      for (std::size_t first = begin; first < end; first += batch) {
+        if (!goes_on(first, items.size())) return false;
+        visit_batch(items.data() + first, std::min(batch, end - first));
+      }
     }
     return true;
+  }
+
+  /// Looks at items in parallel, and does what is proposed, in order.
+  void visit_batch(const BadItem* items, std::size_t count) {
+    const std::uint64_t seed = rng_.next();
+    ++clock_;
+    std::vector<Proposal> proposals(count);
+    parallel_for(count, 16, options_.threads, [&](std::size_t begin, std::size_t end) {
+      RefillFinder finder(diagram_, set_, rating_, radii_, options_.refills);
+      for (std::size_t k = begin; k < end; ++k) {
+        if (is_current(items[k])) proposals[k] = finder.find(items[k], Rng(scramble(seed + k)));
+      }
+    });
+    for (std::size_t k = 0; k < count; ++k) carry_out(items[k], proposals[k]);
   }
 
   /// Reports progress: `k` of n items in this iteration.
