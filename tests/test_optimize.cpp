@@ -250,7 +250,7 @@ Badness badness(const TestSet& set, const SampleSet& samples, const OptimizeRepo
 void check_line(const OptimizeIteration& line, const Badness& expected, const SampleSet& samples) {
   CHECK(line.bad_triangles == expected.triangles);
   CHECK(line.bad_vertices == expected.vertices);
-  CHECK(line.energy == doctest::Approx(expected.energy).epsilon(1e-9));
+  CHECK(line.energy == doctest::Approx(expected.energy).epsilon(1e-7));  // the bounds are kept with a margin of 1e-9 degrees
   CHECK(line.samples == samples.size());
 }
 
@@ -767,7 +767,7 @@ TEST_CASE("optimize: convergence as text has a line an iteration and parses back
 }
 
 TEST_CASE("optimize: the same seed gives the same bits with every compiler and build type") {
-  // Recorded once. Valences alone: bounds of angles go through cos() and sin() of the C library, whose last bit is its own.
+  // Recorded once, for valences alone; test_remesh has the bits of both.
   const auto hash = [](const SampleSet& set) {
     std::uint64_t h = 14695981039346656037u;  // FNV-1a
     const auto add = [&h](const void* data, Eigen::Index size) {
@@ -785,8 +785,8 @@ TEST_CASE("optimize: the same seed gives the same bits with every compiler and b
     return hash(optimized(set, options).samples);
   };
   CHECK(bits(uniform_set("", amps::make_square(3), 900)) == 4657795535595012813u);
-  CHECK(bits(uniform_set("", amps::make_cube(7), 900)) == 14662072846476120180u);
-  CHECK(bits(graded_set("", amps::make_square(12), 900)) == 13728697181879398598u);
+  CHECK(bits(uniform_set("", amps::make_cube(7), 900)) == 863783987582207997u);
+  CHECK(bits(graded_set("", amps::make_square(12), 900)) == 12398474784232312690u);
 }
 
 TEST_CASE("optimize: large sets keep every law" * doctest::test_suite("slow")) {
