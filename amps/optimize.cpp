@@ -21,19 +21,19 @@ namespace {
 
 /// Iterations in a row that bring nothing before it is given up, and before kicks begin.
 constexpr int kIdleIterations = 32, kIdleBeforeKicks = 2;
-/// Kicks in one iteration, rounds of improvement after one; samples that a kick takes out beyond the usual: any number up to one that
-/// grows by one in so many idle iterations, and ends at a ring and a half.
+/// Kicks in one iteration, rounds of improvement after one; samples that a kick takes out beyond the usual: any number up to
+/// one that grows by one in so many idle iterations, and ends at a ring and a half.
 constexpr std::size_t kLeastKicks = 8, kMostKicks = 64;
 constexpr int kKickRounds = 16, kIdlePerSample = 2, kMostKicked = 10;
-/// It is also given up when this work, in refills tried per sample, has not halved the energy; an edit counts as so many of them.
-/// (To [46, 83], the tightest bounds at hand for a user who can wait, it takes 15 per halving.)
+/// It is also given up when this work, in refills tried per sample, has not halved the energy; an edit counts as so many of
+/// them. (To [46, 83], the tightest bounds at hand for a user who can wait, it takes 15 per halving.)
 constexpr double kWorkPerHalving = 200, kWorkOfEdit = 40;
 /// Edits of the diagram spent on vertices at crossings, beyond one for every fourth sample: 0.2 ms each. Where a surface meets
 /// itself there may be no end of them.
 constexpr std::uint64_t kEditsAtCrossings = 500;
-/// Items are visited in stretches of so many ids, which mostly follow a curve in space, so that memory is at hand, and in random order
-/// in each. So many are looked at before what was found is carried out: more are more parallel, and more of it out of date (256
-/// instead of 32: a fifth more time).
+/// Items are visited in stretches of so many ids, which mostly follow a curve in space, so that memory is at hand, and in
+/// random order in each. So many are looked at before what was found is carried out: more are more parallel, and more of it out
+/// of date (256 instead of 32: a fifth more time).
 constexpr Index kStretch = 4096;
 constexpr std::size_t kBatch = 32;
 /// Refills of the diagram itself, where a patch cannot be copied.
@@ -79,8 +79,8 @@ class Optimizer {
   OptimizeReport run() {
     OptimizeStatus status = improve();
     if (status == OptimizeStatus::kDone && options_.valences) {
-      // Vertices of bad valence on edges of more than two triangles come last: mostly there is little to be done, and what it has cost
-      // in angles is made good again.
+      // Vertices of bad valence on edges of more than two triangles come last: mostly there is little to be done, and what it
+      // has cost in angles is made good again.
       rate_crossings(true);
       status = improve();
       if (status == OptimizeStatus::kStalled) {
@@ -125,9 +125,9 @@ class Optimizer {
     }
     const Box box = bounding_box(mesh);
     if (!VoxelGrid::fits(box, least, greatest)) {
-      throw Error(ErrorCode::kTooLarge, "optimisation: radii from " + std::to_string(least) + " to " + std::to_string(greatest) +
-                                            " are out of proportion to the mesh's diagonal " + std::to_string(box.diagonal()) +
-                                            "; stay between 1e-6 and 1e6 of it");
+      throw Error(ErrorCode::kTooLarge, "optimisation: radii from " + std::to_string(least) + " to " +
+                                            std::to_string(greatest) + " are out of proportion to the mesh's diagonal " +
+                                            std::to_string(box.diagonal()) + "; stay between 1e-6 and 1e6 of it");
     }
     return VoxelGrid(box, least, greatest);
   }
@@ -155,7 +155,8 @@ class Optimizer {
         bad_items();
         return OptimizeStatus::kCancelled;
       }
-      if (report_.accepted == accepted && idle >= kIdleBeforeKicks) kick_all(items, std::min(1 + idle / kIdlePerSample, kMostKicked));
+      if (report_.accepted == accepted && idle >= kIdleBeforeKicks)
+        kick_all(items, std::min(1 + idle / kIdlePerSample, kMostKicked));
       idle = report_.accepted == accepted ? idle + 1 : 0;
     }
   }
@@ -457,7 +458,8 @@ class Optimizer {
   bool improves() {
     std::sort(affected_.begin(), affected_.end());
     affected_.erase(std::unique(affected_.begin(), affected_.end()), affected_.end());
-    affected_.erase(std::remove_if(affected_.begin(), affected_.end(), [&](Index s) { return !set_.alive[slot(s)]; }), affected_.end());
+    affected_.erase(std::remove_if(affected_.begin(), affected_.end(), [&](Index s) { return !set_.alive[slot(s)]; }),
+                    affected_.end());
     double before = 0, after = 0;
     for (const OldSample& old : old_) before += old.energy;
     energies_.resize(affected_.size());
@@ -472,8 +474,8 @@ class Optimizer {
     return change_ < -kLeastGain || kicking_;
   }
 
-  // Kicks: what no refill improves is refilled all the same, and what that has made bad is improved in turn. Should the whole be
-  // no improvement, it is undone.
+  // Kicks: what no refill improves is refilled all the same, and what that has made bad is improved in turn. Should the whole
+  // be no improvement, it is undone.
 
   struct Edit {
     std::vector<OldSample> old;
@@ -585,7 +587,8 @@ class Optimizer {
       if (!sample.x.allFinite()) continue;
       if (grid_.conflicting_sample_by_max(sample.x, 0) != kNone) continue;
       sample.radius = radii_.field.empty() ? radii_.least : radii_.at(sample.at);
-      if (!radii_.field.empty()) sample.radius = radius_below(sample.radius, grid_.nearest_squared_distance(sample.x, sample.radius));
+      if (!radii_.field.empty())
+        sample.radius = radius_below(sample.radius, grid_.nearest_squared_distance(sample.x, sample.radius));
       enter(sample, near);
       return true;
     }
@@ -667,19 +670,27 @@ void require_optimize_options(const OptimizeOptions& options) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "optimisation: " + what); };
   const auto bounded = [](double x, double low, double high) { return x == 0 || (x > low && x < high); };
   if (!bounded(options.min_angle, 0, 60)) {
-    fail("min_angle is " + std::to_string(options.min_angle) + "; it must be above 0 and below 60 degrees, or 0 for the default");
+    fail("min_angle is " + std::to_string(options.min_angle) +
+         "; it must be above 0 and below 60 degrees, or 0 for the default");
   }
   if (!bounded(options.max_angle, 60, 180)) {
-    fail("max_angle is " + std::to_string(options.max_angle) + "; it must be above 60 and below 180 degrees, or 0 for the default");
+    fail("max_angle is " + std::to_string(options.max_angle) +
+         "; it must be above 60 and below 180 degrees, or 0 for the default");
   }
-  if (options.max_iterations < 0) fail("max_iterations is " + std::to_string(options.max_iterations) + "; it must be at least 0");
+  if (options.max_iterations < 0)
+    fail("max_iterations is " + std::to_string(options.max_iterations) + "; it must be at least 0");
   if (options.refills < 1) fail("refills is " + std::to_string(options.refills) + "; it must be at least 1");
 }
 
 namespace {
 
 std::pair<double, double> bounds_of(const OptimizeOptions& options, bool uniform) {
-  return {options.min_angle != 0 ? options.min_angle : uniform ? 35 : 32, options.max_angle != 0 ? options.max_angle : uniform ? 105 : 114};
+  return {options.min_angle != 0 ? options.min_angle
+          : uniform              ? 35
+                                 : 32,
+          options.max_angle != 0 ? options.max_angle
+          : uniform              ? 105
+                                 : 114};
 }
 
 }  // namespace
@@ -723,7 +734,8 @@ OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const Op
   if (!options.sizing.empty() && !options.sizing.fits(mesh)) {
     throw Error(ErrorCode::kInvalidArgument, "optimisation: the sizing field is of another mesh (" +
                                                  std::to_string(options.sizing.num_facets()) + " facets; this one has " +
-                                                 std::to_string(mesh.num_facets()) + "); make it from the mesh the samples are on");
+                                                 std::to_string(mesh.num_facets()) +
+                                                 "); make it from the mesh the samples are on");
   }
   std::vector<Index> ids;
   RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, options.threads);

@@ -1,6 +1,6 @@
-// optimize.h: better triangles from the same kind of set. What is bad — a triangle with an angle out of bounds, a vertex with too
-// few or too many neighbours — loses some of its samples, the gap is refilled at random, and the refill is kept if it is better.
-// Vertices never move off their disks: the set stays a maximal Poisson-disk set throughout.
+// optimize.h: better triangles from the same kind of set. What is bad — a triangle with an angle out of bounds, a vertex with
+// too few or too many neighbours — loses some of its samples, the gap is refilled at random, and the refill is kept if it is
+// better. Vertices never move off their disks: the set stays a maximal Poisson-disk set throughout.
 //
 // Yan & Wonka 2012, §4.2, take out whatever is bad with its neighbours and keep every refill; that stalls near [35°, 105°]. We
 // differ in three things. A refill is kept only if it lowers an energy of the triangles and valences around, and undone
@@ -25,11 +25,11 @@ namespace amps {
 /// What to reach, and when to stop trying.
 struct OptimizeOptions {
   bool angles = true;    ///< triangles with an angle below min_angle or above max_angle are bad
-  bool valences = true;  ///< inner vertices with less than 5 or more than 7 neighbours, and boundary vertices with more than 5, are
-                         ///< bad; the latter not on edges of more than two triangles
+  bool valences = true;  ///< inner vertices with less than 5 or more than 7 neighbours, and boundary vertices with more than 5,
+                         ///< are bad; the latter not on edges of more than two triangles
   /// Degrees; 0 < min_angle < 60 < max_angle < 180. 0: the paper's, [35, 105] where all radii are equal and [32, 114] elsewhere
-  /// (115 there would let Q_min fall below its 0.51). Where radii are equal or of gradation 0.1 and less, [42, 90] is in reach too; it
-  /// takes five times as long, and 4 % more samples.
+  /// (115 there would let Q_min fall below its 0.51). Where radii are equal or of gradation 0.1 and less, [42, 90] is in reach
+  /// too; it takes six times as long, and 4 % more samples.
   double min_angle = 0;
   double max_angle = 0;
   /// Visits to everything that is bad, 0 or more.
@@ -48,8 +48,8 @@ struct OptimizeOptions {
 enum class OptimizeStatus {
   kDone,            ///< nothing is bad
   kIterationLimit,  ///< max_iterations spent
-  kStalled,         ///< many visits to everything bad have brought nothing, or too little: bounds too tight for this set or surface
-  kCancelled,       ///< through Progress
+  kStalled,    ///< many visits to everything bad have brought nothing, or too little: bounds too tight for this set or surface
+  kCancelled,  ///< through Progress
 };
 
 /// The state before an iteration, and one more at the end.
@@ -59,8 +59,8 @@ struct OptimizeIteration {
   double min_angle = 0;     ///< degrees, over bad triangles, and over all in the first line and the last; 0 if there is none
   double max_angle = 0;
   Index samples = 0;
-  /// What is lowered: degrees out of bounds to first order (half of those above), 0.25 for each angle below and 0.5 for each above,
-  /// 5 a missing or extra valence. Vertices on edges of more than two triangles join when all else is good.
+  /// What is lowered: degrees out of bounds to first order (half of those above), 0.25 for each angle below and 0.5 for each
+  /// above, 5 a missing or extra valence. Vertices on edges of more than two triangles join when all else is good.
   double energy = 0;
   double seconds = 0;  ///< wall clock since the start
 };
@@ -78,13 +78,15 @@ struct OptimizeReport {
 std::ostream& operator<<(std::ostream& out, const OptimizeReport& report);
 
 struct OptimizeResult {
-  SampleSet samples;  ///< those of the input that are left, in order, then the new ones; without facet (kNone) if the input has none
+  SampleSet
+      samples;  ///< those of the input that are left, in order, then the new ones; without facet (kNone) if the input has none
   OptimizeReport report;
 };
 
-/// Optimises a maximal Poisson-disk set; if it is not maximal, fill_gaps() comes first. Cancelled or stopped early, the result is the best state so far, a maximal Poisson-disk set as well. Throws as verify_maximal,
-/// and Error(kInvalidArgument) for options out of range or a sizing field of another mesh. About 20 µs a sample to the
-/// paper's bounds. Thread-safe.
+/// Optimises a maximal Poisson-disk set; if it is not maximal, fill_gaps() comes first. Cancelled or stopped early, the result
+/// is the best state so far, a maximal Poisson-disk set as well. Throws as verify_maximal, and Error(kInvalidArgument) for
+/// options out of range or a sizing field of another mesh, kTooLarge for radii out of proportion to the mesh. About 8 µs a
+/// sample to the paper's bounds. Thread-safe.
 OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const OptimizeOptions& options);
 
 /// Convergence as text, a line an iteration: "iteration,bad_triangles,bad_vertices,min_angle,max_angle,samples,energy,seconds".
@@ -99,8 +101,8 @@ double expected_growth(const OptimizeOptions& options, bool uniform);
 
 bool has_gaps(const RestrictedPowerDiagram& diagram);
 
-/// optimize() on a diagram of exactly these samples, which is edited; what is removed leaves its id unused. `ids` (out): of the samples
-/// of the result.
+/// optimize() on a diagram of exactly these samples, which is edited; what is removed leaves its id unused. `ids` (out): of the
+/// samples of the result.
 OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids);
 

@@ -56,9 +56,9 @@ RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const Point
   build(threads, progress);
 }
 
-/// A regular tetrahedron whose corners are 4 diagonals from the centre of the box. At any point of the box its corners have power
-/// at least 12 diagonals² − w, and a site in the box that is not lighter at most 1 diagonal² − w: while there is such a guard, no
-/// sentinel owns anything on the mesh.
+/// A regular tetrahedron whose corners are 4 diagonals from the centre of the box. At any point of the box its corners have
+/// power at least 12 diagonals² − w, and a site in the box that is not lighter at most 1 diagonal² − w: while there is such a
+/// guard, no sentinel owns anything on the mesh.
 std::array<WeightedPoint, RestrictedPowerDiagram::kSentinels> RestrictedPowerDiagram::sentinels() const {
   const double reach = 4 * (high_ - low_).norm() / std::sqrt(3.0);
   const Vec3 centre = low_ + (high_ - low_) / 2;

@@ -78,9 +78,9 @@ class RestrictedPowerDiagram {
   /// (kNone: anywhere). Expected O(1) with a good hint on Poisson-disk-like sets. Throws Error(kInvalidArgument) if not finite.
   Index insert(const Vec3& position, double weight, Index near = kNone);
 
-  /// Removes a site, visible or not: its neighbours, and sites that it has hidden, share its fragments. The diagram is then that
-  /// of the other sites alone, bit by bit; what has a fragment in none of the facets that it had one in stays untouched. Other
-  /// ids stay valid, and this one is not given out again but by reinsert(). Expected O(1) on Poisson-disk-like sets.
+  /// Removes a site, visible or not: its neighbours, and sites that it has hidden, share its fragments. The diagram is then
+  /// that of the other sites alone, bit by bit; what has a fragment in none of the facets that it had one in stays untouched.
+  /// Other ids stay valid, and this one is not given out again but by reinsert(). Expected O(1) on Poisson-disk-like sets.
   /// Throws Error(kInvalidArgument) if there is no such site, or no other one: a diagram has at least one site.
   void remove(Index s);
 

@@ -109,8 +109,8 @@ class RestrictedPowerDiagram::Clipper {
     const Index in = polygon.labels[(at + n - 1) % n], out = polygon.labels[(at + 1) % n];
     if (is_site(in)) clip(in);
     if (is_site(out)) clip(out);
-    // What the facet cut by these two has between their edges takes the place of the edge. None of the other edges can end there:
-    // each already is an edge elsewhere, and a line bounds a convex polygon only once.
+    // What the facet cut by these two has between their edges takes the place of the edge. None of the other edges can end
+    // there: each already is an edge elsewhere, and a line bounds a convex polygon only once.
     const std::size_t m = labels_.size();
     std::size_t k = static_cast<std::size_t>(std::find(labels_.begin(), labels_.end(), in) - labels_.begin());
     AMPS_ASSERT(k < m);

@@ -106,7 +106,8 @@ void RestrictedPowerDiagram::find_touched(Index site, Index by, std::vector<Inde
   const double error = largest_facet_error_, slope = filter.slope();
   for (Index f = first_of_site(site); f != kNone; f = next_of_site(f)) {
     const Fragment& fragment = fragments_[slot(f)];
-    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error, slope)) continue;
+    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error, slope))
+      continue;
     touched.push_back(f);
     prefetch_polygon(f);
   }
@@ -185,8 +186,8 @@ std::vector<Index> RestrictedPowerDiagram::link_of(Index s) {
 
 void RestrictedPowerDiagram::remove(Index s) {
   if (s < 0 || s >= num_sites() || removed(s)) {
-    throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: there is no site " + std::to_string(s) + "; ids are 0 to " +
-                                                 std::to_string(num_sites() - 1) + ", less those removed");
+    throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: there is no site " + std::to_string(s) +
+                                                 "; ids are 0 to " + std::to_string(num_sites() - 1) + ", less those removed");
   }
   if (num_removed() + 1 == num_sites()) {
     throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: site " + std::to_string(s) +
@@ -213,7 +214,8 @@ bool RestrictedPowerDiagram::is_guard(Index s) const {
   return p.w >= least_weight_ && (p.position().array() >= low_.array()).all() && (p.position().array() <= high_.array()).all();
 }
 
-/// Before the removal of s: if it is the last guard, the sentinels move so that all sites are guards. No cell on the mesh changes.
+/// Before the removal of s: if it is the last guard, the sentinels move so that all sites are guards. No cell on the mesh
+/// changes.
 void RestrictedPowerDiagram::keep_a_guard(Index s) {
   if (!is_guard(s)) return;
   if (--num_guards_ > 0) return;
@@ -238,8 +240,8 @@ void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& heirs) {
   for (std::size_t k = 0; k < heirs.size(); ++k) {
     triangulation_.neighbors(heirs[k], around);
     for (const Index v : around) {
-      const bool fresh = v < kSentinels ? std::find(heirs.begin(), heirs.end(), v) == heirs.end()
-                                        : reach_[slot(v - kSentinels)] == kNoCell;
+      const bool fresh =
+          v < kSentinels ? std::find(heirs.begin(), heirs.end(), v) == heirs.end() : reach_[slot(v - kSentinels)] == kNoCell;
       if (!fresh) continue;
       if (v >= kSentinels) reach_[slot(v - kSentinels)] = 0;
       heirs.push_back(v);
@@ -259,7 +261,8 @@ void RestrictedPowerDiagram::share_out(Index s, const std::vector<Index>& heirs)
     const Index facet = fragments_[slot(f)].facet;
     prefetch_facet_corners(facet);
     Index grown = first_of_facet(facet);
-    for (Index k = 0; k < detail::kFragmentsPrefetched && grown != kNone; ++k, grown = next_of_facet(grown)) prefetch_polygon(grown);
+    for (Index k = 0; k < detail::kFragmentsPrefetched && grown != kNone; ++k, grown = next_of_facet(grown))
+      prefetch_polygon(grown);
   }
   Clipper clipper(*this);
   reach_[slot(s)] = kNoCell;

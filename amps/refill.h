@@ -1,5 +1,5 @@
-// refill.h (internal): what optimisation knows of the dual triangulation around a sample, and how it finds refills worth carrying
-// out. Nothing here changes anything: many may look at once.
+// refill.h (internal): what optimisation knows of the dual triangulation around a sample, and how it finds refills worth
+// carrying out. Nothing here changes anything: many may look at once.
 #pragma once
 
 #include "amps/base.h"
@@ -21,8 +21,8 @@ namespace amps::detail {
 
 /// Of an energy, against rounding.
 inline constexpr double kLeastGain = 1e-6;
-/// Trials count this for a sample more, and less for a sample fewer: halves the growth of sets, at no cost in time. With 5, tight bounds take
-/// twice the time.
+/// Trials count this for a sample more, and less for a sample fewer: halves the growth of sets, at no cost in time. With 5,
+/// tight bounds take twice the time.
 inline constexpr double kPerSample = 2;
 /// Darts in the pool of a patch, and thrown for it at most, for each sample it loses; and darts in any pool at most.
 inline constexpr std::size_t kPoolPerSample = 16, kMostPool = 96;
@@ -175,8 +175,8 @@ struct RefillRadii {
 /// Looks for refills that improve what is around a bad item, in copies; reads the diagram, changes nothing. One per thread.
 class RefillFinder {
  public:
-  RefillFinder(const RestrictedPowerDiagram& diagram, const OptimizedSet& set, const DualRating& rating, const RefillRadii& radii,
-               int refills)
+  RefillFinder(const RestrictedPowerDiagram& diagram, const OptimizedSet& set, const DualRating& rating,
+               const RefillRadii& radii, int refills)
       : diagram_(diagram), set_(set), radii_(radii), refills_(refills), patch_(rating), trial_(rating) {}
 
   /// kInPlace is the answer where nothing is found and a patch could not be copied (boundaries).
@@ -311,7 +311,8 @@ class RefillFinder {
     const int most_darts = kPoolDartsPerSample * static_cast<int>(removed_.size());
     for (int dart = 0; dart < most_darts && pool_.size() < most; ++dart) {
       const double u = rng.uniform() * total;
-      const auto piece = std::upper_bound(pieces_.begin(), pieces_.end() - 1, u, [](double x, const Piece& p) { return x < p.up_to; });
+      const auto piece =
+          std::upper_bound(pieces_.begin(), pieces_.end() - 1, u, [](double x, const Piece& p) { return x < p.up_to; });
       const auto polygon = diagram_.polygon(piece->fragment);
       const Vec3 b = uniform_barycentric(rng);
       NewSample sample;

@@ -33,8 +33,8 @@ struct RemeshReport {
   QualityReport quality;        ///< of the result
   MaximalityReport maximality;  ///< certificate of the samples, from the diagram the triangles are dual to
   double seconds_optimize = 0;
-  double seconds_remesh = 0;    ///< extraction and orientation of the triangles
-  double seconds_report = 0;    ///< topology, quality and certificate
+  double seconds_remesh = 0;  ///< extraction and orientation of the triangles
+  double seconds_report = 0;  ///< topology, quality and certificate
 };
 
 struct RemeshResult {
@@ -44,8 +44,9 @@ struct RemeshResult {
   Status status = Status::kDone;
 };
 
-/// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and optimize();
-/// cost about twice that of sample() with the default bounds. Cancelled in optimisation, the mesh is of the best set so far.
+/// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and
+/// optimize(); cost about twice that of sample(), with the default bounds. Cancelled in optimisation, the mesh is of the best
+/// set so far.
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 
 /// The RRT of a given set: one triangle (i, j, k) for each dual vertex of the restricted power diagram, each triple once.

@@ -135,7 +135,8 @@ bool TrialPatch::remove(int v) {
       continue;
     }
     if (size == kMaxRing) return false;
-    edges[static_cast<std::size_t>(size++)] = {c[static_cast<std::size_t>((at + 1) % 3)], c[static_cast<std::size_t>((at + 2) % 3)]};
+    edges[static_cast<std::size_t>(size++)] = {c[static_cast<std::size_t>((at + 1) % 3)],
+                                               c[static_cast<std::size_t>((at + 2) % 3)]};
     drop(t);
   }
   rated_[static_cast<std::size_t>(v)] = false;
@@ -160,8 +161,8 @@ bool TrialPatch::remove(int v) {
   return fill(ring.data(), size);
 }
 
-/// Cuts off ears: always one that is convex, seen along the normal of the whole, and whose dual point is nearest to its own corners,
-/// or nearly.
+/// Cuts off ears: always one that is convex, seen along the normal of the whole, and whose dual point is nearest to its own
+/// corners, or nearly.
 bool TrialPatch::fill(const std::uint8_t* ring, int size) {
   std::array<std::uint8_t, 16> left;
   std::copy_n(ring, size, left.begin());

@@ -20,8 +20,8 @@ class DualRating {
   /// Degrees, as OptimizeOptions.
   DualRating(bool angles, bool valences, double min_angle, double max_angle);
 
-  /// Degrees out of bounds over the three corners, to first order in the angle, those above counting half; and 0.25 for each angle
-  /// too small, 0.5 for one too large.
+  /// Degrees out of bounds over the three corners, to first order in the angle, those above counting half; and 0.25 for each
+  /// angle too small, 0.5 for one too large.
   double triangle(const Vec3& a, const Vec3& b, const Vec3& c) const {
     if (!angles_) return 0;
     const double la = (b - c).squaredNorm(), lb = (c - a).squaredNorm(), lc = (a - b).squaredNorm();

@@ -12,9 +12,8 @@ int main(int argc, char** argv) try {
   const double size = box.diagonal();
 
   // Any function of a surface point: here radii grow with the distance from one corner of the box, as for a close-up.
-  const amps::SizingField near_corner = amps::function_sizing(mesh, [&](const amps::SurfacePoint& at) {
-    return std::max(0.004 * size, 0.03 * (at.position - box.min).norm());
-  });
+  const amps::SizingField near_corner = amps::function_sizing(
+      mesh, [&](const amps::SurfacePoint& at) { return std::max(0.004 * size, 0.03 * (at.position - box.min).norm()); });
   amps::LfsOptions lfs;
   lfs.scale = 0.4;
   const amps::SizingField wanted = amps::min(near_corner, amps::lfs_sizing(mesh, lfs)).with_ratio(16);

@@ -427,7 +427,7 @@ amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name) {
 }
 
 amps::SizingField make_sizing(const SizingRequest& request, const amps::Mesh& mesh) {
-  constexpr double kRatio = 16;          // r_max / r_min, as in the paper
+  constexpr double kRatio = 16;         // r_max / r_min, as in the paper
   constexpr double kErrorScale = 1e-3;  // of the diagonal; any: the field is scaled
   amps::SizingField field;
   if (request.kind == "uniform") return field;
@@ -521,11 +521,12 @@ void set_optimization(const Arguments& arguments, amps::RemeshOptions& options) 
     }
   }
   for (const char* name : {"--iterations", "--convergence"}) {
-    if (arguments.has(name) && !options.optimize) throw arguments.error(std::string(name) + " does not go with --optimize none");
+    if (arguments.has(name) && !options.optimize)
+      throw arguments.error(std::string(name) + " does not go with --optimize none");
   }
   const auto most = static_cast<std::uint64_t>(std::numeric_limits<int>::max());
-  options.optimization.max_iterations =
-      static_cast<int>(arguments.whole("--iterations", static_cast<std::uint64_t>(options.optimization.max_iterations), 0, most));
+  options.optimization.max_iterations = static_cast<int>(
+      arguments.whole("--iterations", static_cast<std::uint64_t>(options.optimization.max_iterations), 0, most));
 }
 
 int run_remesh(const Arguments& arguments) {
@@ -759,12 +760,13 @@ int run_render(const Arguments& arguments) {
 const std::vector<Command>& commands() {
   static const Option kRadius{"--radius", "R", "disk radius, in the units of the mesh"};
   static const Option kVertices{"--vertices", "N", "number of samples wanted instead, met within 1 %"};
-  static const Option kSizing{"--sizing", "KIND",
-                              "uniform (default), lfs, curvature, or a file of one radius a vertex (numbers, or x.ply:PROPERTY)"};
+  static const Option kSizing{
+      "--sizing", "KIND", "uniform (default), lfs, curvature, or a file of one radius a vertex (numbers, or x.ply:PROPERTY)"};
   static const Option kRmin{"--rmin", "R", "least radius; with --rmax left out, radii go up to 16 R"};
   static const Option kRmax{"--rmax", "R", "greatest radius"};
   static const Option kError{"--error", "E", "radii by curvature, so that triangles are at most E off"};
-  static const Option kGradation{"--gradation", "L", "how fast radii may grow along the surface (default 0.1): it sets the worst angle"};
+  static const Option kGradation{"--gradation", "L",
+                                 "how fast radii may grow along the surface (default 0.1): it sets the worst angle"};
   static const Option kSeed{"--seed", "S", "of the random numbers (default 1): the same seed gives the same bits"};
   static const Option kThreads{"--threads", "T", "default 0: one per core; the result does not depend on it"};
   static const Option kJson{"--json", "FILE", "write the table as JSON too"};
@@ -779,10 +781,13 @@ const std::vector<Command>& commands() {
       {"remesh",
        "IN OUT",
        "replace a mesh by one of well-shaped triangles",
-       "IN and OUT are meshes (.obj .off .ply .stl). With one radius R everywhere, all angles of OUT are in [30, 120] degrees and\n"
-       "all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation). Optimisation narrows angles to\n"
-       "[35, 105], or [32, 114] where radii vary, and valences to 5, 6 and 7. Tighter bounds take longer: --angle-min 42 --angle-max 90\n"
-       "makes all triangles acute, in five times the time.",
+       "IN and OUT are meshes (.obj .off .ply .stl). With one radius R everywhere, all angles of OUT are in [30, 120] degrees "
+       "and\n"
+       "all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation). Optimisation narrows angles "
+       "to\n"
+       "[35, 105], or [32, 114] where radii vary, and valences to 5, 6 and 7. Tighter bounds take longer: --angle-min 42 "
+       "--angle-max 90\n"
+       "leaves no obtuse triangle, in six times the time.",
        {kRadius,
         {"--vertices", "N", "number of vertices wanted instead, met within 2 %"},
         kSizing,
@@ -810,7 +815,8 @@ const std::vector<Command>& commands() {
       {"info",
        "IN",
        "say what a mesh is like, and what is wrong with it",
-       "IN is a mesh (.obj .off .ply .stl). With a reference, such as the mesh IN was made from, also: how far the surfaces are\n"
+       "IN is a mesh (.obj .off .ply .stl). With a reference, such as the mesh IN was made from, also: how far the surfaces "
+       "are\n"
        "apart. No point of either is farther from the other than the Hausdorff distance; root mean square (RMS) and mean are\n"
        "over each surface, and the greater of both directions is given.",
        {{"--reference", "FILE", "tell the distance to this mesh, too"}, kThreads, kJson},

@@ -81,8 +81,8 @@ inline void print_maximality(const Table& table, const amps::MaximalityReport& r
 
 inline void print_radii(const Table& table, const amps::SampleSet& samples) {
   const double least = samples.radii.minCoeff(), most = samples.radii.maxCoeff();
-  table.row("radius r", least == most ? number(least)
-                                      : number(least) + " to " + number(most) + ", mean " + number(samples.radii.mean()));
+  table.row("radius r",
+            least == most ? number(least) : number(least) + " to " + number(most) + ", mean " + number(samples.radii.mean()));
 }
 
 inline void add_maximality(Json& json, const amps::MaximalityReport& report) {
@@ -193,8 +193,8 @@ inline void print_optimization(const Table& table, const amps::OptimizeReport& r
   if (report.status == amps::OptimizeStatus::kDone) {
     table.row("optimised", bounds + ": reached");
   } else {
-    table.row("optimised", bounds + ": " + status_text(report.status) + ", left bad " + number(last.bad_triangles) + " triangles, " +
-                               number(last.bad_vertices) + " vertices");
+    table.row("optimised", bounds + ": " + status_text(report.status) + ", left bad " + number(last.bad_triangles) +
+                               " triangles, " + number(last.bad_vertices) + " vertices");
   }
   table.row("samples replaced, added", number(report.removed) + ", " + std::to_string(report.added - report.removed));
 }

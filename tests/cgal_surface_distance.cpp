@@ -104,8 +104,8 @@ Mesh remeshed(const Mesh& mesh, Index count) {
 
 TEST_CASE("surface_distance: Hausdorff, mean and rms agree with CGAL on remeshed surfaces") {
   for (const auto& model : {std::pair("bunny_3k_closed.off", amps::make_ellipsoid(5120, {1.0, 0.8, 0.6})),
-                                       {"fandisk_coarse.obj", amps::make_cube(4)},
-                                       {"eight.off", amps::make_knot()}}) {
+                            {"fandisk_coarse.obj", amps::make_cube(4)},
+                            {"eight.off", amps::make_knot()}}) {
     const Mesh mesh = amps_test::data_mesh_or(model.first, model.second);
     CAPTURE(model.first);
     compare(mesh, remeshed(mesh, 1500));

@@ -1,5 +1,6 @@
-// pair_correlation.h: how random a sample set is. The pair correlation g(d) is how many other samples there are at distance d of
-// a sample, over how many there would be if they knew nothing of each other (a Poisson process of the same density: 1 at any d).
+// pair_correlation.h: how random a sample set is. The pair correlation g(d) is how many other samples there are at distance d
+// of a sample, over how many there would be if they knew nothing of each other (a Poisson process of the same density: 1 at any
+// d).
 #pragma once
 
 #include "amps/kdtree.h"
@@ -11,9 +12,9 @@
 
 namespace amps_test {
 
-/// g in `bins` bins of width `width`, the first from `first` on, over the pairs whose one point is `inner`. `density`: points an
-/// area, around those. Within the distance d of a point there must be the area π·d²: true in the plane as far as d from its border,
-/// and on all of a sphere, where d is measured in space.
+/// g in `bins` bins of width `width`, the first from `first` on, over the pairs whose one point is `inner`. `density`: points
+/// an area, around those. Within the distance d of a point there must be the area π·d²: true in the plane as far as d from its
+/// border, and on all of a sphere, where d is measured in space.
 inline std::vector<double> pair_correlation(const amps::Points& points, const std::vector<char>& inner, double density,
                                             double first, double width, std::size_t bins) {
   const amps::KdTree tree(points);

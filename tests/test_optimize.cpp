@@ -339,8 +339,10 @@ TEST_CASE("optimize: every state is a maximal Poisson-disk set, and better than 
       // The same course, cut short.
       const std::size_t lines = std::min(at(k) + 1, whole.report.iterations.size());
       REQUIRE(part.report.iterations.size() == lines);
-      CHECK(std::equal(part.report.iterations.begin(), part.report.iterations.end() - 1, whole.report.iterations.begin(), same_line));
-      CHECK(part.report.iterations.back().energy == whole.report.iterations[lines - 1].energy);  // last angles are of all triangles
+      CHECK(std::equal(part.report.iterations.begin(), part.report.iterations.end() - 1, whole.report.iterations.begin(),
+                       same_line));
+      CHECK(part.report.iterations.back().energy ==
+            whole.report.iterations[lines - 1].energy);  // last angles are of all triangles
       CHECK((part.report.status == OptimizeStatus::kDone) == (lines == whole.report.iterations.size()));
       if (part.report.status != OptimizeStatus::kDone) CHECK(part.report.status == OptimizeStatus::kIterationLimit);
       if (k == 0) CHECK(same_set(part.samples, set.samples));

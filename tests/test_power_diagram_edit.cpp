@@ -171,7 +171,8 @@ TEST_CASE("power_diagram: a site removed leaves the diagram of the others") {
       for (const double weight : {0.0, 0.02, 1.0}) {
         CAPTURE(n);
         CAPTURE(weight);
-        const Sites sites = amps_test::random_sites(model.mesh, n, weight * size * size / n, 302, weight == 0.02 ? 0.3 * size : 0);
+        const Sites sites =
+            amps_test::random_sites(model.mesh, n, weight * size * size / n, 302, weight == 0.02 ? 0.3 * size : 0);
         for (Index s = 0; s < n; ++s) {
           EditedDiagram edited(model.mesh, sites);
           edited.remove(s);
@@ -221,7 +222,8 @@ TEST_CASE("power_diagram: edits of lattices and cospherical sites, where ties ar
   const Sites flat = amps_test::sites_of(lattice), cubic = amps_test::sites_of(grid);
   Sites checkerboard = flat;
   for (Index s = 0; s < flat.size(); ++s) checkerboard.weights[s] = s % 2;
-  const Mesh through_sites = amps_test::scaled(amps::make_square(6), 6), on_bisectors = amps_test::scaled(amps::make_square(12), 6);
+  const Mesh through_sites = amps_test::scaled(amps::make_square(6), 6),
+             on_bisectors = amps_test::scaled(amps::make_square(12), 6);
   const Mesh two_facets = amps_test::scaled(amps::make_square(1), 6);
   for (const Mesh* mesh : {&through_sites, &on_bisectors, &two_facets}) {
     check_random_edits(*mesh, flat, flat, 400, 10, 0.05, 308);

@@ -464,7 +464,8 @@ TEST_CASE("remesh: errors are those of sampling") {
 }
 
 TEST_CASE("remesh: the same seed gives the same bits with every compiler and build type") {
-  // Recorded once; the input has no coordinate from libm. A change of the algorithm may change these numbers, a compiler may not.
+  // Recorded once; the input has no coordinate from libm. A change of the algorithm may change these numbers, a compiler may
+  // not.
   const auto hash = [](const RemeshResult& result) {
     std::uint64_t h = 14695981039346656037u;  // FNV-1a
     const auto add = [&h](const void* data, Eigen::Index size) {

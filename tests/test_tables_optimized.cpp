@@ -103,8 +103,8 @@ TEST_CASE("pair correlation: 1 for points at random, that of a lattice for a lat
 
 TEST_SUITE("slow") {
   TEST_CASE("optimisation: Table 1 of the paper, uniform on square and sphere") {
-    // Yan & Wonka 2012, r = 4.5e-3 and [35, 105] degrees: 34.5 thousand samples become 35.1 on the square, 29.7 become 30.4 on the
-    // sphere.
+    // Yan & Wonka 2012, r = 4.5e-3 and [35, 105] degrees: 34.5 thousand samples become 35.1 on the square, 29.7 become 30.4 on
+    // the sphere.
     const std::vector<std::pair<Mesh, double>> rows = {{amps::make_square(), 35100},
                                                        {amps_test::sphere_of_area(0.863, 81920), 30400}};
     for (const auto& [mesh, samples] : rows) {

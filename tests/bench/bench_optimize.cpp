@@ -1,6 +1,6 @@
 // Optimisation of valences and angles: the paper's Tables 1 and 2, tighter bounds than the paper's, growth with the number of
-// samples, threads, and what it does to the randomness of the samples. A benchmark is one run with one seed, the last argument; its
-// label says what became of it. Seconds are of the processor (optimize_threads: of the clock). Meshes are in ../shared/data
+// samples, threads, and what it does to the randomness of the samples. A benchmark is one run with one seed, the last argument;
+// its label says what became of it. Seconds are of the processor (optimize_threads: of the clock). Meshes are in ../shared/data
 // (environment AMPS_TEST_DATA: another folder), generated ones stand in for those that are not there.
 //   amps_bench --benchmark_filter=optimize_table1    uniform, [35, 105] degrees
 //   amps_bench --benchmark_filter=optimize_table2    by local feature size, [32, 114] degrees
@@ -76,7 +76,7 @@ double processor_seconds() { return static_cast<double>(std::clock()) / CLOCKS_P
 struct OptimizeRun {
   amps::SampleSet start;  ///< maximal
   amps::OptimizeResult result;
-  double sampling = 0, optimization = 0;        ///< seconds of the processor
+  double sampling = 0, optimization = 0;              ///< seconds of the processor
   double clock_sampling = 0, clock_optimization = 0;  ///< of the clock
 };
 
@@ -149,8 +149,8 @@ void optimize_table1(benchmark::State& state) {
   report_run(state, table1_case(state.range(0) != 0), {}, static_cast<std::uint64_t>(state.range(1)));
 }
 
-/// range(0): 0 bunny, 1 triceratops; range(1): seed. The paper: angles 32 to 115 degrees, all valences 5 to 7, Q_min 0.51, distances
-/// 0.37 and 0.035, 0.46 and 0.062 %.
+/// range(0): 0 bunny, 1 triceratops; range(1): seed. The paper: angles 32 to 115 degrees, all valences 5 to 7, Q_min 0.51,
+/// distances 0.37 and 0.035, 0.46 and 0.062 %.
 void optimize_table2(benchmark::State& state) {
   const OptimizeCase c = state.range(0) == 0 ? bunny_case() : triceratops_case();
   const OptimizeRun run = report_run(state, c, {}, static_cast<std::uint64_t>(state.range(1)));
@@ -173,7 +173,8 @@ void optimize_past(benchmark::State& state) {
       case 2:
         return {uniform_case("torus 12k", amps::make_torus(), 12000), kNonObtuse};
       case 3:
-        return {uniform_case("bunny 12k", amps_test::data_mesh_or("bunny_100kf_closed.obj", amps::make_knot()), 12000), kNonObtuse};
+        return {uniform_case("bunny 12k", amps_test::data_mesh_or("bunny_100kf_closed.obj", amps::make_knot()), 12000),
+                kNonObtuse};
       case 4:
         return {bunny_case(), kTighter};
       case 5:

@@ -133,7 +133,7 @@ void pipeline_sample(benchmark::State& state) {
 void pipeline_remesh(benchmark::State& state) {
   run(state, [](const PipelineCase& c) {
     amps::RemeshOptions options;
-  options.optimize = false;
+    options.optimize = false;
     options.sampling = c.options;
     return amps::remesh(c.mesh, options).samples.size();
   });
@@ -154,8 +154,8 @@ BENCHMARK(pipeline_sample)->DenseRange(0, 4)->Unit(benchmark::kMillisecond);
 BENCHMARK(pipeline_remesh)->DenseRange(0, 4)->Unit(benchmark::kMillisecond);
 BENCHMARK(pipeline_certificate)->DenseRange(0, 4)->Unit(benchmark::kMillisecond);
 
-/// Local edits of the diagram of a maximal set: a thousand random sites leave and come back. range(0): 1 times coming back, 0 leaving;
-/// range(1): 1 for 200k samples of a sphere, 0 for 12k of the bunny.
+/// Local edits of the diagram of a maximal set: a thousand random sites leave and come back. range(0): 1 times coming back, 0
+/// leaving; range(1): 1 for 200k samples of a sphere, 0 for 12k of the bunny.
 void edit_diagram(benchmark::State& state) {
   const bool large = state.range(1) != 0;
   const amps::Mesh mesh = large ? amps::make_sphere(20480) : bunny();

@@ -115,13 +115,20 @@ const Input& input(char name) {
   if (found != made.end()) return found->second;
   const auto make = [name]() -> Input {
     switch (name) {
-      case 'a': return uniform_cube(0);
-      case 'b': return uniform_cube(1e-4);
-      case 'c': return variable_radius_sphere();
-      case 'd': return random_torus();
-      case 'e': return grid(1);
-      case 'f': return grid(46);
-      case 'h': return uniform_cube(1e-3);
+      case 'a':
+        return uniform_cube(0);
+      case 'b':
+        return uniform_cube(1e-4);
+      case 'c':
+        return variable_radius_sphere();
+      case 'd':
+        return random_torus();
+      case 'e':
+        return grid(1);
+      case 'f':
+        return grid(46);
+      case 'h':
+        return uniform_cube(1e-3);
       default: {
         Input in = input('c');
         in.weights.setZero();
@@ -291,9 +298,9 @@ const int kRegistered = [] {
   }
   for (const unsigned threads : {1u, 2u}) {
     const std::string title = "triangulation/million_threads:" + std::to_string(threads);
-    benchmark::RegisterBenchmark(title.c_str(), [threads](benchmark::State& state) {
-      triangulate_million(state, threads);
-    })->Unit(benchmark::kMillisecond)->UseRealTime();
+    benchmark::RegisterBenchmark(title.c_str(), [threads](benchmark::State& state) { triangulate_million(state, threads); })
+        ->Unit(benchmark::kMillisecond)
+        ->UseRealTime();
   }
   for (const char name : {'a', 'c'}) {
     const auto add = [name](const char* what, const char* who, void (*run)(benchmark::State&, char)) {
