@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/trial_patch.h"
 
+#include "amps/exact.h"
 #include "amps/sizing.h"
 
 #include <algorithm>
@@ -28,16 +29,6 @@ inline int count_bits(std::uint64_t x) {
   int n = 0;
   for (; x != 0; x &= x - 1) ++n;
   return n;
-}
-
-inline int lowest_bit(std::uint64_t x) {
-#if defined(__GNUC__) || defined(__clang__)
-  return __builtin_ctzll(x);
-#else
-  int n = 0;
-  for (; (x & 1) == 0; x >>= 1) ++n;
-  return n;
-#endif
 }
 
 inline std::uint64_t bit(int v) { return std::uint64_t{1} << v; }
@@ -224,16 +215,16 @@ bool TrialPatch::insert(const Vec3& x, double weight) {
   const int size = gone + 2;  // of a rim around a disk without vertices inside
   if (gone == 0 || num_triangles_ + size > kMaxTriangles || count_bits(on_rim) != size) return false;
   for (std::uint64_t rest = on_rim; rest != 0; rest &= rest - 1) {
-    const auto v = static_cast<std::size_t>(lowest_bit(rest));
+    const auto v = static_cast<std::size_t>(count_trailing_zeros(rest));
     if (count_bits(rim[v]) != 2 || (rim[v] & border_[v]) != 0) return false;
   }
   const int added = num_vertices_;
   add_vertex(x, weight, 0, true);
-  const int start = lowest_bit(on_rim);
-  int before = start, at = lowest_bit(rim[static_cast<std::size_t>(start)]);
+  const int start = count_trailing_zeros(on_rim);
+  int before = start, at = count_trailing_zeros(rim[static_cast<std::size_t>(start)]);
   for (int k = 1;; ++k) {
     append(before, at, added);
-    const int next = lowest_bit(rim[static_cast<std::size_t>(at)] & ~bit(before));
+    const int next = count_trailing_zeros(rim[static_cast<std::size_t>(at)] & ~bit(before));
     before = at;
     at = next;
     if (before == start) return k == size;  // else there is more than one cycle
