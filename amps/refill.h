@@ -172,6 +172,44 @@ struct RefillRadii {
   double at(const SurfacePoint& x) const { return field.empty() ? least : field.radius(x); }
 };
 
+/// The disks of a patch side by side, for many tests whose outcome cannot be predicted: eight at a time, without branches.
+class NearbyDisks {
+ public:
+  /// Those from `first` on; near ones should come first.
+  void assign(const TrialPatch& patch, int first) {
+    size_ = 0;
+    for (int v = first; v < patch.num_vertices(); ++v) add(patch.position(v), patch.weight(v));
+    while (size_ % kBlock != 0) add(Vec3::Constant(INFINITY), 0);
+  }
+
+  /// Is x in none of them? If so, `nearest` is the squared distance of the nearest centre.
+  bool are_apart(const Vec3& x, double& nearest) const {
+    for (std::size_t begin = 0; begin < size_; begin += kBlock) {
+      double depth = INFINITY;
+      for (std::size_t k = begin; k < begin + kBlock; ++k) {
+        const double dx = x_[k] - x[0], dy = y_[k] - x[1], dz = z_[k] - x[2], d = dx * dx + dy * dy + dz * dz;
+        depth = std::min(depth, d - weight_[k]);
+        nearest = std::min(nearest, d);
+      }
+      if (depth < 0) return false;
+    }
+    return true;
+  }
+
+ private:
+  static constexpr std::size_t kBlock = 8;
+  void add(const Vec3& x, double weight) {
+    x_[size_] = x[0];
+    y_[size_] = x[1];
+    z_[size_] = x[2];
+    weight_[size_++] = weight;
+  }
+  static constexpr std::size_t kRoom = static_cast<std::size_t>(TrialPatch::kMaxVertices);
+  static_assert(kRoom % kBlock == 0, "");
+  std::array<double, kRoom> x_, y_, z_, weight_;
+  std::size_t size_ = 0;
+};
+
 /// Looks for refills that improve what is around a bad item, in copies; reads the diagram, changes nothing. One per thread.
 class RefillFinder {
  public:
@@ -294,43 +332,42 @@ class RefillFinder {
   /// Uniform darts where removed_ had their cells, outside of all other balls: only there can a gap be.
   void fill_pool(Rng& rng) {
     pieces_.clear();
+    up_to_.clear();
     double total = 0;
     for (const Index s : removed_) {
       for (Index f = diagram_.first_of_site(s); f != kNone; f = diagram_.next_of_site(f)) {
         const auto polygon = diagram_.polygon(f);
         for (Index k = 2; k < polygon.size; ++k) {
           const Vec3 u = polygon.corners[k - 1] - polygon.corners[0], v = polygon.corners[k] - polygon.corners[0];
-          pieces_.push_back({f, k, total += u.cross(v).norm()});
+          pieces_.push_back({polygon.facet, polygon.corners[0], u, v});
+          up_to_.push_back(total += u.cross(v).norm());
         }
       }
     }
     pool_.clear();
     if (!(total > 0)) return;
-    const int first = static_cast<int>(removed_.size()), last = patch_.num_vertices();
+    others_.assign(patch_, static_cast<int>(removed_.size()));
     const std::size_t most = std::min(kPoolPerSample * removed_.size(), kMostPool);
     const int most_darts = kPoolDartsPerSample * static_cast<int>(removed_.size());
     for (int dart = 0; dart < most_darts && pool_.size() < most; ++dart) {
       const double u = rng.uniform() * total;
-      const auto piece =
-          std::upper_bound(pieces_.begin(), pieces_.end() - 1, u, [](double x, const Piece& p) { return x < p.up_to; });
-      const auto polygon = diagram_.polygon(piece->fragment);
-      const Vec3 b = uniform_barycentric(rng);
+      std::size_t at = 0;  // counted, not searched for: no branch to mispredict
+      for (std::size_t k = 0; k + 1 < pieces_.size(); ++k) at += up_to_[k] <= u ? 1 : 0;
+      const Piece& piece = pieces_[at];
+      double along_u = rng.uniform(), along_v = rng.uniform();
+      const bool other_half = along_u + along_v > 1;  // of the parallelogram
+      along_u = other_half ? 1 - along_u : along_u;
+      along_v = other_half ? 1 - along_v : along_v;
       NewSample sample;
-      sample.x = b[0] * polygon.corners[0] + b[1] * polygon.corners[piece->corner - 1] + b[2] * polygon.corners[piece->corner];
+      sample.x = piece.corner + along_u * piece.u + along_v * piece.v;
       double nearest = INFINITY;
-      bool free = true;
-      for (int v = first; v < last && free; ++v) {
-        const double d = (sample.x - patch_.position(v)).squaredNorm();
-        nearest = std::min(nearest, d);
-        free = d >= patch_.weight(v);
-      }
-      if (!free) continue;
-      sample.at.facet = polygon.facet;
+      if (!others_.are_apart(sample.x, nearest)) continue;
+      sample.at.facet = piece.facet;
       if (radii_.field.empty()) {
         sample.radius = radii_.least;
         if (nearest < sample.radius * sample.radius) continue;
       } else {
-        sample.at = surface_point(diagram_.mesh(), polygon.facet, sample.x);
+        sample.at = surface_point(diagram_.mesh(), piece.facet, sample.x);
         sample.radius = radius_below(radii_.at(sample.at), nearest);
       }
       pool_.push_back(sample);
@@ -358,9 +395,10 @@ class RefillFinder {
     return !trial_.has_gap();
   }
 
+  /// A triangle of a fragment: a corner and the edges from it.
   struct Piece {
-    Index fragment, corner;
-    double up_to;  ///< twice the area of this and all before it
+    Index facet;
+    Vec3 corner, u, v;
   };
 
   const RestrictedPowerDiagram& diagram_;
@@ -372,7 +410,9 @@ class RefillFinder {
   Proposal proposal_;
   TrialPatch patch_, trial_;
   std::vector<Index> removed_, ids_;
+  NearbyDisks others_;
   std::vector<Piece> pieces_;
+  std::vector<double> up_to_;  ///< twice the area of a piece and all before it
   std::vector<NewSample> pool_, chosen_;
   std::vector<std::uint8_t> open_;
 };
