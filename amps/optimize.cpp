@@ -697,7 +697,7 @@ std::pair<double, double> bounds_of(const OptimizeOptions& options, bool uniform
 
 double expected_growth(const OptimizeOptions& options, bool uniform) {
   // Medians over sphere, bunny and fertility, 8k samples: [30.5, 119], [35, 105], [38, 100], [42, 90], [45, 85].
-  constexpr std::array<std::array<double, 2>, 5> kGrowth = {{{0, 0.008}, {5, 0.014}, {8, 0.025}, {12, 0.043}, {15, 0.05}}};
+  constexpr std::array<std::array<double, 2>, 5> kGrowth = {{{0, 0.008}, {5, 0.013}, {8, 0.023}, {12, 0.041}, {15, 0.045}}};
   constexpr double kUpperPerLower = 2.4;  // the upper bounds above are about so many times as far from 120 as the lower from 30
   const auto [low, high] = bounds_of(options, uniform);
   const double tightness = std::max(low - 30, (120 - high) / kUpperPerLower);

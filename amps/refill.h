@@ -25,8 +25,8 @@ inline constexpr double kLeastGain = 1e-6;
 /// tight bounds take twice the time.
 inline constexpr double kPerSample = 2;
 /// Darts in the pool of a patch, and thrown for it at most, for each sample it loses; and darts in any pool at most.
-inline constexpr std::size_t kPoolPerSample = 16, kMostPool = 96;
-inline constexpr int kPoolDartsPerSample = 160;
+inline constexpr std::size_t kPoolPerSample = 12, kMostPool = 96;
+inline constexpr int kPoolDartsPerSample = 110;
 
 /// The neighbours of a sample in the dual triangulation.
 struct DualStar {
