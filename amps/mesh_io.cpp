@@ -724,7 +724,8 @@ Eigen::VectorXd parse_vertex_property(std::string_view data, const std::string& 
   const detail::PlyContent content = reader.read({property});
   if (!content.found[0]) source.fail("its vertices have no property " + property);
   for (std::size_t i = 0; i < content.at.size(); ++i) {
-    if (!std::isfinite(content.values[i])) reader.fail(content.at[i], "the property " + property + " is NaN or infinite; correct it");
+    if (!std::isfinite(content.values[i]))
+      reader.fail(content.at[i], "the property " + property + " is NaN or infinite; correct it");
   }
   return Eigen::Map<const Eigen::VectorXd>(content.values.data(), static_cast<Eigen::Index>(content.values.size()));
 }

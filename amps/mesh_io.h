@@ -72,7 +72,8 @@ void write_samples(const std::filesystem::path& path, const SampleSet& samples);
 std::string format_samples(const SampleSet& samples, SampleFormat format);
 
 /// Reads numbers, any white space between, `#` comments skipped: one value a vertex, say, for vertex_sizing. Their count is for
-/// the user to compare. Throws Error: kFileNotFound, kFileFormat (something that is no finite number, naming the line; no number).
+/// the user to compare. Throws Error: kFileNotFound, kFileFormat (something that is no finite number, naming the line; no
+/// number).
 Eigen::VectorXd read_values(const std::filesystem::path& path);
 Eigen::VectorXd parse_values(std::string_view data, const std::string& name = "memory");
 

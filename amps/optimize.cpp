@@ -26,7 +26,7 @@ constexpr int kIdleIterations = 32, kIdleBeforeKicks = 2;
 constexpr std::size_t kLeastKicks = 8, kMostKicks = 64;
 constexpr int kKickRounds = 16, kIdlePerSample = 2, kMostKicked = 10;
 /// It is also given up when this work, in refills tried per sample, has not halved the energy; an edit counts as so many of
-/// them. (To [46, 83], the tightest bounds at hand for a user who can wait, it takes 15 per halving.)
+/// them. (All the way to [46, 83] it takes 150 on a sphere.)
 constexpr double kWorkPerHalving = 200, kWorkOfEdit = 40;
 /// Edits of the diagram spent on vertices at crossings, beyond one for every fourth sample: 0.2 ms each. Where a surface meets
 /// itself there may be no end of them.

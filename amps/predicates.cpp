@@ -157,8 +157,8 @@ bool power_test_in_words(const PowerRows& rows, const WeightedPoint* const p[4],
   std::array<Int<3>, 4> m;
   for (std::size_t k = 0; k < 4; ++k) m[k] = to_limbs(minor[k]);
 
-  // With exact minors doubles settle the rest for nearly all of a cospherical set: what cancels in the sum is h, not the minors.
-  // Roundings: h 4, m 3, product 1, sums 3; 2^128 covers the absolute part of m's.
+  // With exact minors doubles settle the rest for nearly all of a cospherical set: what cancels in the sum is h, not the
+  // minors. Roundings: h 4, m 3, product 1, sums 3; 2^128 covers the absolute part of m's.
   double value = 0, magnitude = 0;
   for (int k = 0; k < 4; ++k) {
     const double v = approximately(m[slot(k)]);

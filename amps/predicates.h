@@ -78,9 +78,9 @@ auto volume_minors(const T (&d)[4][3]) noexcept {
   const auto m13 = d[1][0] * d[3][1] - d[3][0] * d[1][1];
   const auto m23 = d[2][0] * d[3][1] - d[3][0] * d[2][1];
   const auto m123 = d[1][2] * m23 - d[2][2] * m13 + d[3][2] * m12;
-  return std::array<std::decay_t<decltype(m123)>, 4>{
-      m123, d[0][2] * m23 - d[2][2] * m03 + d[3][2] * m02, d[0][2] * m13 - d[1][2] * m03 + d[3][2] * m01,
-      d[0][2] * m12 - d[1][2] * m02 + d[2][2] * m01};
+  return std::array<std::decay_t<decltype(m123)>, 4>{m123, d[0][2] * m23 - d[2][2] * m03 + d[3][2] * m02,
+                                                     d[0][2] * m13 - d[1][2] * m03 + d[3][2] * m01,
+                                                     d[0][2] * m12 - d[1][2] * m02 + d[2][2] * m01};
 }
 
 /// From the minors of rows d_k = p_k − q and from h_k = |d_k|² + w_q − w_k: det[1 d] times the height at q of the hyperplane
@@ -156,9 +156,9 @@ struct PowerRows {
 /// Relative bounds of the filters. A computed polynomial differs from the exact one by at most γ_k · Σ|monomials|,
 /// γ_k = k·u/(1 − k·u), with k the largest number of roundings any monomial passes through (Higham 2002, §3.1).
 /// Orientation: 3 differences, 2 products, 1 + 2 sums: k = 8, six monomials. Power, as in PowerRows: differences 3 + 2, square
-/// 1, sums of h 3, products 2, differences of products 2, product of minors 1, last sums 3: k = 17, 24 monomials. Slack for the roundings of
-/// the bound itself is included. The same bounds hold with any magnitudes that are not smaller: of this call, or of the set.
-/// If a magnitude is exactly 0 so is the determinant, and its double value: every monomial has that factor.
+/// 1, sums of h 3, products 2, differences of products 2, product of minors 1, last sums 3: k = 17, 24 monomials. Slack for the
+/// roundings of the bound itself is included. The same bounds hold with any magnitudes that are not smaller: of this call, or
+/// of the set. If a magnitude is exactly 0 so is the determinant, and its double value: every monomial has that factor.
 inline constexpr double kOrientationBound = 50 * kUnitRoundoff;
 inline constexpr double kPowerBound = 450 * kUnitRoundoff;
 

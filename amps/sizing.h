@@ -104,10 +104,10 @@ class SizingField {
 inline constexpr double kSamplesPerDensity = 0.6965;
 
 /// The gradation for SizingField::limited where nothing else is asked for: the largest of these at which remeshing by lfs beats
-/// Table 2 of the paper in every column, before optimisation and after (there the RMS distance of the bunny to its mesh of 12k vertices
-/// decides: 0.034 % of the diagonal with 0.1, 0.044 % with 0.15; the paper has 0.035 %), and at which sets can be optimised until
-/// no triangle is obtuse. It is what drives the worst angle; medians of 5 seeds with lfs, radii up to 1:16, before any
-/// optimisation (Bunny, 9.8k vertices | Triceratops, 9k):
+/// Table 2 of the paper in every column, before optimisation and after (there the RMS distance of the bunny to its mesh of 12k
+/// vertices decides: 0.034 % of the diagonal with 0.1, 0.044 % with 0.15; the paper has 0.035 %), and at which sets can be
+/// optimised until no triangle is obtuse. It is what drives the worst angle; medians of 5 seeds with lfs, radii up to 1:16,
+/// before any optimisation (Bunny, 9.8k vertices | Triceratops, 9k):
 ///   gradation   smallest angle   largest angle   Q_min         below 30°       valence 5–7
 ///   unlimited    17.7° | 15.4°   133.8° | 133.7°  0.34 | 0.32   2.3 % | 2.6 %   93.2 % | 92.5 %
 ///   0.3          19.9° | 19.5°   135.2° | 130.5°  0.34 | 0.37   1.9 % | 2.1 %   93.5 % | 93.5 %

@@ -61,7 +61,8 @@ void radix_sort(std::vector<KeyedIndex>& items, int bits) {
   }
 }
 
-constexpr double kRoundRatio = 5.5;        // growth of the rounds: larger favours volumes (walks), smaller surfaces with hubs (cavities)
+constexpr double kRoundRatio =
+    5.5;  // growth of the rounds: larger favours volumes (walks), smaller surfaces with hubs (cavities)
 constexpr std::size_t kSortGrain = 1 << 14;
 constexpr std::size_t kFirstRound = 2048;  // below this a further round costs more than its better hints save
 

@@ -246,7 +246,8 @@ class RegularTriangulation {
                            std::vector<Index>& rest);
 
   // Removal (triangulation_edit.cpp).
-  /// A facet of the hole's border, as the cell that it is to get: one corner, in `slot`, is kNone. Corners are numbers in the link.
+  /// A facet of the hole's border, as the cell that it is to get: one corner, in `slot`, is kNone. Corners are numbers in the
+  /// link.
   struct HoleFacet {
     std::array<Index, 4> vertex;
     std::array<Index, 3> key;  ///< the corners, ascending

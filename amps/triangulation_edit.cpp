@@ -114,8 +114,8 @@ void RegularTriangulation::rebuild_basis() {
   }
 }
 
-/// The vertices that are left lie in a plane: no cells, and every point waits. Points that were hidden may reach out of the plane:
-/// then all start over.
+/// The vertices that are left lie in a plane: no cells, and every point waits. Points that were hidden may reach out of the
+/// plane: then all start over.
 void RegularTriangulation::flatten() {
   cells_.clear();
   mark_.clear();
@@ -165,8 +165,8 @@ void RegularTriangulation::place(Index v, Index hint) {
 // ---------------------------------------------------------------------------------------------------------------------------
 // The hole
 
-/// Frees the star of v; its border becomes the open facets, its corners the link (numbered in the order of cavity_vertices_), and
-/// hidden points in it wait in uncovered_.
+/// Frees the star of v; its border becomes the open facets, its corners the link (numbered in the order of cavity_vertices_),
+/// and hidden points in it wait in uncovered_.
 void RegularTriangulation::open_hole(Index v) {
   collect_star(v);
   cavity_vertices_.clear();
@@ -365,7 +365,8 @@ bool RegularTriangulation::fill_hole_from_link(Index v) {
   std::vector<HoleFacet> mine = open_facets_, theirs;
   mine.insert(mine.end(), open_ghost_facets_.begin(), open_ghost_facets_.end());
   for (const BoundaryFacet& border : link.work_.boundary) {
-    HoleFacet facet{link.cell(border.inside >> 2).vertex, {}, border.inside & 3, 4 * copy[slot(border.inside >> 2)] + (border.inside & 3)};
+    HoleFacet facet{
+        link.cell(border.inside >> 2).vertex, {}, border.inside & 3, 4 * copy[slot(border.inside >> 2)] + (border.inside & 3)};
     if (facet.vertex[3] == kInfinite) facet.vertex[3] = static_cast<Index>(count);
     facet.set_key();
     theirs.push_back(facet);

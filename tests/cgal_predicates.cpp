@@ -78,7 +78,8 @@ double ulps(double x, std::int64_t n) {
 double some_ulps(Rng& rng, double x) { return ulps(x, static_cast<std::int64_t>(rng.below(5)) - 2); }
 
 double random_decimal_magnitude(Rng& rng, int range) {
-  return (rng.uniform() - 0.5) * std::pow(10.0, static_cast<double>(rng.below(static_cast<std::uint64_t>(2 * range + 1))) - range);
+  return (rng.uniform() - 0.5) *
+         std::pow(10.0, static_cast<double>(rng.below(static_cast<std::uint64_t>(2 * range + 1))) - range);
 }
 
 enum class Kind { kRandom, kSphere, kNearPlane, kLattice, kMagnitudes, kOffset, kOffsetSphere, kFlatBox };
@@ -227,9 +228,9 @@ TEST_CASE("predicates vs rationals: bisector sides") {
                 sign(exact.j[0] * exact.k[1] - exact.k[0] * exact.j[1]) * sign(exact.j[0] - exact.j[1]));
       }
       if (exact.meet()) {
-        compare(amps::side_of_facet_crossing(c, bj, bl, bk, &facet),
-                sign(exact.k[0] * exact.lambda[0] + exact.k[1] * exact.lambda[1] + exact.k[2] * exact.lambda[2]) *
-                    sign(exact.sum));
+        compare(
+            amps::side_of_facet_crossing(c, bj, bl, bk, &facet),
+            sign(exact.k[0] * exact.lambda[0] + exact.k[1] * exact.lambda[1] + exact.k[2] * exact.lambda[2]) * sign(exact.sum));
       }
     }
     CHECK(wrong == 0);
@@ -290,7 +291,8 @@ TEST_CASE("predicates vs rationals: crossing coordinates are as accurate as docu
         }
         ++facet_count;
         const Bisector bl(i, l, c);
-        const auto sum = bj.at_corner[0] * (bl.at_corner[1] - bl.at_corner[2]) + bj.at_corner[1] * (bl.at_corner[2] - bl.at_corner[0]) +
+        const auto sum = bj.at_corner[0] * (bl.at_corner[1] - bl.at_corner[2]) +
+                         bj.at_corner[1] * (bl.at_corner[2] - bl.at_corner[0]) +
                          bj.at_corner[2] * (bl.at_corner[0] - bl.at_corner[1]);
         hard_facets += !(sum.error <= 1e-6 * std::fabs(sum.value));
       }

@@ -1,5 +1,5 @@
-// Cell sets of RegularTriangulation against CGAL's Regular_triangulation_3: equal, ties included, because both resolve them by the
-// same perturbation. Cells are compared by the values of their corners: of equal points CGAL may keep another one.
+// Cell sets of RegularTriangulation against CGAL's Regular_triangulation_3: equal, ties included, because both resolve them by
+// the same perturbation. Cells are compared by the values of their corners: of equal points CGAL may keep another one.
 #include "amps/triangulation.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -33,7 +33,8 @@ struct Input {
   std::string name;
   Points positions;
   Eigen::VectorXd weights;
-  Input(std::string n, Eigen::Index size) : name(std::move(n)), positions(Points::Zero(size, 3)), weights(Eigen::VectorXd::Zero(size)) {}
+  Input(std::string n, Eigen::Index size)
+      : name(std::move(n)), positions(Points::Zero(size, 3)), weights(Eigen::VectorXd::Zero(size)) {}
   Eigen::Index size() const { return positions.rows(); }
 };
 

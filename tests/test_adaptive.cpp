@@ -4,6 +4,7 @@
 #include "amps/sampling.h"
 #include "amps/shapes.h"
 #include "amps/sizing.h"
+#include "hash_bits.h"
 #include "test_models.h"
 
 #include <doctest/doctest.h>
@@ -645,16 +646,7 @@ TEST_CASE("adaptive: where gaps are filled a stretch at a time, sets are as dens
 
 TEST_CASE("adaptive: the same seed gives the same bits with every compiler and build type") {
   // Recorded once; the input has no value from libm. A change of the algorithm may change these numbers, a compiler may not.
-  const auto hash = [](const SampleSet& set) {
-    std::uint64_t h = 14695981039346656037u;  // FNV-1a
-    const auto add = [&h](const void* data, Eigen::Index size) {
-      const auto* bytes = static_cast<const unsigned char*>(data);
-      for (Eigen::Index k = 0; k < size; ++k) h = (h ^ bytes[k]) * 1099511628211u;
-    };
-    add(set.positions.data(), set.positions.size() * Eigen::Index{sizeof(double)});
-    add(set.radii.data(), set.radii.size() * Eigen::Index{sizeof(double)});
-    return h;
-  };
+  const auto hash = [](const SampleSet& set) { return amps_test::hash_bits(set.positions, set.radii); };
   const auto bits = [&](const Mesh& mesh, double ratio, ConflictRule rule) {
     SamplingOptions options = with_sizing(graded_field(mesh, ratio, 2000), 5, rule);
     options.target_count = 2100;
@@ -669,15 +661,45 @@ namespace {
 
 /// Surfaces with everything that can be wrong with one.
 const std::vector<std::string>& difficult_models() {
-  static const std::vector<std::string> kNames = {
-      "anchor.off", "bones_26comps.off", "bumpy.off", "bunny_3k_closed.off", "cheburashka.off", "cow.off",
-      "cube-minimal-degenerated.obj", "cube-shuffled.off", "cube_twist.obj", "degtri_four-2.off", "degtri_sliding.off",
-      "double-torus-polygons.off", "eight.off", "elephant.off", "fan3_nonmanifold_edge.obj", "fandisk_coarse.obj",
-      "fandisk_quads.off", "hemisphere.off", "hinge_ascii.stl", "hole_capsule_quads.off",
-      "hourglass_nonmanifold_vertex.obj", "joined_tetrahedra.obj", "knot2_2comps.off", "lion-head.off", "maxFace.obj",
-      "mech-holes-shark.off", "moebius.obj", "negative_indices.obj", "netgen_part1_ascii.stl",
-      "platonic_shelf_polygons.obj", "prim_isolated.off", "quads_to_stitch.off", "sphere_solid_header_binary.stl",
-      "suzanne.obj", "teapot.obj", "thingi_65004.stl", "three_peaks.off", "triple_vierbein.obj", "two_spheres_overlap.obj"};
+  static const std::vector<std::string> kNames = {"anchor.off",
+                                                  "bones_26comps.off",
+                                                  "bumpy.off",
+                                                  "bunny_3k_closed.off",
+                                                  "cheburashka.off",
+                                                  "cow.off",
+                                                  "cube-minimal-degenerated.obj",
+                                                  "cube-shuffled.off",
+                                                  "cube_twist.obj",
+                                                  "degtri_four-2.off",
+                                                  "degtri_sliding.off",
+                                                  "double-torus-polygons.off",
+                                                  "eight.off",
+                                                  "elephant.off",
+                                                  "fan3_nonmanifold_edge.obj",
+                                                  "fandisk_coarse.obj",
+                                                  "fandisk_quads.off",
+                                                  "hemisphere.off",
+                                                  "hinge_ascii.stl",
+                                                  "hole_capsule_quads.off",
+                                                  "hourglass_nonmanifold_vertex.obj",
+                                                  "joined_tetrahedra.obj",
+                                                  "knot2_2comps.off",
+                                                  "lion-head.off",
+                                                  "maxFace.obj",
+                                                  "mech-holes-shark.off",
+                                                  "moebius.obj",
+                                                  "negative_indices.obj",
+                                                  "netgen_part1_ascii.stl",
+                                                  "platonic_shelf_polygons.obj",
+                                                  "prim_isolated.off",
+                                                  "quads_to_stitch.off",
+                                                  "sphere_solid_header_binary.stl",
+                                                  "suzanne.obj",
+                                                  "teapot.obj",
+                                                  "thingi_65004.stl",
+                                                  "three_peaks.off",
+                                                  "triple_vierbein.obj",
+                                                  "two_spheres_overlap.obj"};
   return kNames;
 }
 

@@ -1,5 +1,5 @@
-// test_diagrams.h: sites and meshes for tests of restricted power diagrams, the laws that every diagram obeys, an oracle for its
-// areas, and equality of diagrams.
+// test_diagrams.h: sites and meshes for tests of restricted power diagrams, the laws that every diagram obeys, an oracle for
+// its areas, and equality of diagrams.
 #pragma once
 
 #include "amps/power_diagram.h"

@@ -145,11 +145,20 @@ Int<N> random_int(Rng& rng) {
   Int<N> r;
   for (std::uint64_t& limb : r.limb) {
     switch (rng.below(5)) {
-      case 0: limb = 0; break;
-      case 1: limb = ~std::uint64_t{0}; break;
-      case 2: limb = std::uint64_t{1} << rng.below(64); break;
-      case 3: limb = ~(std::uint64_t{1} << rng.below(64)); break;
-      default: limb = rng.next();
+      case 0:
+        limb = 0;
+        break;
+      case 1:
+        limb = ~std::uint64_t{0};
+        break;
+      case 2:
+        limb = std::uint64_t{1} << rng.below(64);
+        break;
+      case 3:
+        limb = ~(std::uint64_t{1} << rng.below(64));
+        break;
+      default:
+        limb = rng.next();
     }
   }
   std::uint64_t& top = r.limb[N - 1];
@@ -180,7 +189,8 @@ void check_ring(int cases) {
 }
 
 double random_double(Rng& rng, int lowest_exponent, int highest_exponent) {
-  const int e = lowest_exponent + static_cast<int>(rng.below(static_cast<std::uint64_t>(highest_exponent - lowest_exponent + 1)));
+  const int e =
+      lowest_exponent + static_cast<int>(rng.below(static_cast<std::uint64_t>(highest_exponent - lowest_exponent + 1)));
   const double m = rng.below(4) == 0 ? 1.0 : 1.0 + rng.uniform();
   return std::ldexp(rng.below(2) == 0 ? m : -m, e);
 }
@@ -253,7 +263,8 @@ TEST_CASE("exact: Int<1> and Int<2> are int64 and int128") {
 
 TEST_CASE("exact: to_int and mantissa_exponent give back every finite double") {
   constexpr double kDenormal = std::numeric_limits<double>::denorm_min();
-  for (const double x : {0.0, -0.0, kDenormal, -kDenormal, 3 * kDenormal, DBL_MIN, DBL_MIN - kDenormal, DBL_MAX, -DBL_MAX, 1.0, -1.0}) {
+  for (const double x :
+       {0.0, -0.0, kDenormal, -kDenormal, 3 * kDenormal, DBL_MIN, DBL_MIN - kDenormal, DBL_MAX, -DBL_MAX, 1.0, -1.0}) {
     check_round_trip<34>(x, -1074);
   }
   Rng rng(4);

@@ -524,7 +524,8 @@ TEST_CASE("mesh_io: a property of the vertices by its name") {
   CHECK(size[1] == 1e-3);
   CHECK(size[2] == 7);
   CHECK(amps::parse_vertex_property(text, "x")[2] == 3);
-  CHECK_THROWS_WITH_AS(amps::parse_vertex_property(text, "marks", "a.ply"), "a.ply: its vertices have no property marks", amps::Error);
+  CHECK_THROWS_WITH_AS(amps::parse_vertex_property(text, "marks", "a.ply"), "a.ply: its vertices have no property marks",
+                       amps::Error);
   CHECK_THROWS_AS(amps::parse_vertex_property(text.substr(0, text.size() - 4), "size"), amps::Error);
   const std::string nan = text.substr(0, text.size() - 2) + "nan\n";
   CHECK_THROWS_AS(amps::parse_vertex_property(nan, "size"), amps::Error);

@@ -5,6 +5,7 @@
 #include "amps/sampling.h"
 #include "amps/shapes.h"
 #include "amps/sizing.h"
+#include "hash_bits.h"
 #include "test_data.h"
 #include "test_diagrams.h"
 #include "test_models.h"
@@ -770,17 +771,7 @@ TEST_CASE("optimize: convergence as text has a line an iteration and parses back
 
 TEST_CASE("optimize: the same seed gives the same bits with every compiler and build type") {
   // Recorded once, for valences alone; test_remesh has the bits of both.
-  const auto hash = [](const SampleSet& set) {
-    std::uint64_t h = 14695981039346656037u;  // FNV-1a
-    const auto add = [&h](const void* data, Eigen::Index size) {
-      const auto* bytes = static_cast<const unsigned char*>(data);
-      for (Eigen::Index k = 0; k < size; ++k) h = (h ^ bytes[k]) * 1099511628211u;
-    };
-    add(set.positions.data(), set.positions.size() * Eigen::Index{sizeof(double)});
-    add(set.radii.data(), set.radii.size() * Eigen::Index{sizeof(double)});
-    add(set.barycentrics.data(), set.barycentrics.size() * Eigen::Index{sizeof(double)});
-    return h;
-  };
+  const auto hash = [](const SampleSet& set) { return amps_test::hash_bits(set.positions, set.radii, set.barycentrics); };
   const auto bits = [&](const TestSet& set) {
     OptimizeOptions options = options_for(set);
     options.angles = false;

@@ -1,6 +1,7 @@
 #include "amps/remesh.h"
 
 #include "amps/shapes.h"
+#include "hash_bits.h"
 #include "test_models.h"
 
 #include <doctest/doctest.h>
@@ -467,15 +468,7 @@ TEST_CASE("remesh: the same seed gives the same bits with every compiler and bui
   // Recorded once; the input has no coordinate from libm. A change of the algorithm may change these numbers, a compiler may
   // not.
   const auto hash = [](const RemeshResult& result) {
-    std::uint64_t h = 14695981039346656037u;  // FNV-1a
-    const auto add = [&h](const void* data, Eigen::Index size) {
-      const auto* bytes = static_cast<const unsigned char*>(data);
-      for (Eigen::Index k = 0; k < size; ++k) h = (h ^ bytes[k]) * 1099511628211u;
-    };
-    add(result.samples.positions.data(), result.samples.positions.size() * Eigen::Index{sizeof(double)});
-    add(result.samples.barycentrics.data(), result.samples.barycentrics.size() * Eigen::Index{sizeof(double)});
-    add(result.mesh.triangles.data(), result.mesh.triangles.size() * Eigen::Index{sizeof(Index)});
-    return h;
+    return amps_test::hash_bits(result.samples.positions, result.samples.barycentrics, result.mesh.triangles);
   };
   CHECK(hash(amps::remesh(amps::make_square(3), with_radius(0.02))) == 3489861631424202782u);
   CHECK(hash(amps::remesh(amps::make_cube(7), with_radius(0.05))) == 560583636541334091u);

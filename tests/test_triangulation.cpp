@@ -53,7 +53,8 @@ struct Input {
   std::string name;
   Points positions;
   Eigen::VectorXd weights;
-  Input(std::string n, Eigen::Index size) : name(std::move(n)), positions(Points::Zero(size, 3)), weights(Eigen::VectorXd::Zero(size)) {}
+  Input(std::string n, Eigen::Index size)
+      : name(std::move(n)), positions(Points::Zero(size, 3)), weights(Eigen::VectorXd::Zero(size)) {}
   Eigen::Index size() const { return positions.rows(); }
   WeightedPoint point(Eigen::Index k) const { return {positions(k, 0), positions(k, 1), positions(k, 2), weights[k]}; }
 };
@@ -154,7 +155,8 @@ std::vector<Input> small_inputs(std::uint64_t seed) {
   inputs.push_back(cospherical(rng, 20));
   inputs.push_back(coplanar_heavy(rng, 22));
   Input line("on two lines", 20);
-  for (Eigen::Index k = 0; k < 20; ++k) line.positions.row(k) << (k < 10 ? double(k) : 4.0), (k < 10 ? 0.0 : double(k - 14)), (k < 10 ? 0 : 1);
+  for (Eigen::Index k = 0; k < 20; ++k)
+    line.positions.row(k) << (k < 10 ? double(k) : 4.0), (k < 10 ? 0.0 : double(k - 14)), (k < 10 ? 0 : 1);
   inputs.push_back(line);
   Input one_big("one point hides most", 20);
   one_big = random_cube(rng, 20, 0.01);
@@ -326,7 +328,8 @@ TEST_CASE("triangulation: locate finds the cell that contains a point, or a hull
       const double spread = k % 3 == 0 ? 0.0 : (k % 3 == 1 ? 0.5 : std::pow(10.0, static_cast<double>(rng.below(40))));
       Vec3 x;
       for (int a = 0; a < 3; ++a) x[a] = low[a] + (high[a] - low[a]) * ((1 + 2 * spread) * rng.uniform() - spread);
-      if (k % 10 == 0) x = in.positions.row(static_cast<Eigen::Index>(rng.below(static_cast<std::uint64_t>(in.size())))).transpose();
+      if (k % 10 == 0)
+        x = in.positions.row(static_cast<Eigen::Index>(rng.below(static_cast<std::uint64_t>(in.size())))).transpose();
       const Index hint = k % 2 == 0 ? kNone : static_cast<Index>(rng.below(static_cast<std::uint64_t>(t.cell_capacity())));
       const Index c = t.locate(x, hint);
       REQUIRE(t.cell(c).alive());
@@ -363,7 +366,8 @@ TEST_CASE("triangulation: power_nearest is the brute-force nearest, ties to the 
     const RegularTriangulation t(in.positions, in.weights);
     for (int k = 0; k < 400; ++k) {
       Vec3 x;
-      for (int a = 0; a < 3; ++a) x[a] = in.name[0] == 'l' ? static_cast<double>(rng.below(13)) / 2 : 1.5 * rng.uniform() - 0.25;
+      for (int a = 0; a < 3; ++a)
+        x[a] = in.name[0] == 'l' ? static_cast<double>(rng.below(13)) / 2 : 1.5 * rng.uniform() - 0.25;
       if (in.name == "cospherical" && k % 2 == 0) x.setZero();
       Index expected = kNone;
       for (const Index v : candidates(in)) {

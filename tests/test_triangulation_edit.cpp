@@ -715,7 +715,7 @@ TEST_CASE("triangulation edit: hubs inside, on the hull and over a flat link, wi
     Index least_degree;
   };
   std::vector<Case> cases;
-  cases.push_back({around(0, 0, true), {9, 9, 30, 0}, 200});      // apex over a plane: without it, and a point below, all is flat
+  cases.push_back({around(0, 0, true), {9, 9, 30, 0}, 200});  // apex over a plane: without it, and a point below, all is flat
   cases.push_back({around(0, 0, false), {0.5, 0.5, 40, 0}, 200});
   cases.push_back({around(0.3, 0, false), {0.5, 0.5, -40, 0}, 100});
   cases.push_back({around(0.3, 1e-3, false), {0.5, 0.5, -40, 0}, 60});
