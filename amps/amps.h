@@ -16,11 +16,13 @@
 //   amps::write_mesh("bunny_12k.obj", result.mesh);
 //
 // No global state, nothing printed, no exit; the same input, options and seed give the same bits on any platform and any number
-// of threads. Bad input throws amps::Error. Buffers are taken as Eigen views: map your own, nothing is copied.
+// of threads. Bad input throws amps::Error. Buffers are taken as views of your own, in float or double, row by row,
+// interleaved or by columns: nothing is copied.
 //
 // Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
 //
 //   base.h           vectors and indices, Error, Rng, Progress, parallel_for
+//   buffers.h        plain tables that results own, views of the caller's memory
 //   exact.h          (internal) the number types behind exact decisions
 //   predicates.h     orientation, power test, sides of bisectors: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
@@ -60,6 +62,7 @@
 #define AMPS_VERSION_PATCH 0
 
 #include "amps/base.h"
+#include "amps/buffers.h"
 #include "amps/predicates.h"
 #include "amps/mesh.h"
 #include "amps/shapes.h"

@@ -11,7 +11,7 @@
 namespace amps {
 namespace {
 
-// ---- The unit of the tree ----
+// The unit of the tree
 // Coordinates inside the tree are (x − centre)·scale with a power of two for scale, so that they lie in [−1, 1] ([−4, 4] at the
 // end of the range of doubles) and neither floats nor squares overflow. The centre is 0 unless the mesh is far from the origin
 // compared with its size: then the map is exact, and in the other case its rounding is that of the coordinates themselves.
@@ -38,7 +38,7 @@ TreeUnit tree_unit(const Box& box) {
   return unit;
 }
 
-// ---- One facet ----
+// One facet
 
 /// A facet (a, b, c), ready to be measured. `to_b` and `to_c` take x − a to the barycentric coordinates of b and c of the
 /// projection of x: rows of the pseudo-inverse of [b − a, c − a].
@@ -115,7 +115,7 @@ FacetPoint nearest_on(const TreeFacet& t, const Vec3& query) {
   return best;
 }
 
-// ---- Boxes ----
+// Boxes
 
 struct TreeBox {
   Vec3 min = Vec3::Constant(std::numeric_limits<double>::infinity());
@@ -136,8 +136,13 @@ struct TreeBox {
 
 constexpr int kArity = 4;
 
-/// Four numbers that one instruction takes together, where the machine has such.
-using FourFloats = Eigen::Array<float, kArity, 1>;
+/// Four numbers, in plain loops that compilers turn into single instructions. (Not an Eigen array: its alignment depends on
+/// flags.)
+struct FourFloats {
+  float value[kArity];
+  float& operator[](int k) { return value[k]; }
+  float operator[](int k) const { return value[k]; }
+};
 
 /// Four children, their boxes side by side.
 struct TreeNode {
@@ -172,16 +177,19 @@ struct BoxQuery {
 
   /// At most the squared distance to anything in each child.
   FourFloats lower_bounds(const TreeNode& node) const {
-    FourFloats sum = FourFloats::Zero();
+    FourFloats sum{};
     for (int axis = 0; axis < 3; ++axis) {
-      const FourFloats beyond = (node.min[axis] - x[axis]).max(x[axis] - node.max[axis]) - slack;
-      sum += beyond.max(0.0f).square();
+      const FourFloats &low = node.min[axis], &high = node.max[axis];
+      for (int k = 0; k < kArity; ++k) {
+        const float beyond = std::max(std::max(low[k] - x[axis], x[axis] - high[k]) - slack, 0.0f);
+        sum[k] += beyond * beyond;
+      }
     }
     return sum;
   }
 };
 
-// ---- Building ----
+// Building
 
 struct BuildItem {
   TreeBox box;
@@ -272,15 +280,15 @@ class TreeBuilder {
     }
     box = TreeBox();
     size = 0;
-    double least = std::numeric_limits<double>::infinity();
+    double min_cost = std::numeric_limits<double>::infinity();
     std::size_t best = 0;
     for (std::size_t k = 1; k < kBins; ++k) {
       box.add(boxes[k - 1]);
       size += sizes[k - 1];
       if (size == 0 || size == range.size()) continue;
       const double cost = box.half_area() * static_cast<double>(size) + cost_after[k];
-      if (cost < least) {
-        least = cost;
+      if (cost < min_cost) {
+        min_cost = cost;
         best = k;
       }
     }
@@ -329,7 +337,7 @@ void require_tree_mesh(const MeshView& mesh) {
 
 }  // namespace
 
-// ---- Searching ----
+// Searching
 
 struct SurfaceTree::Impl {
   Mesh mesh;
@@ -344,7 +352,7 @@ struct SurfaceTree::Impl {
     Index facet = std::numeric_limits<Index>::max();
   };
 
-  explicit Impl(const MeshView& view) : mesh{view.vertices, view.triangles}, unit(tree_unit(bounding_box(view))) {
+  explicit Impl(const MeshView& view) : mesh(view.copy()), unit(tree_unit(bounding_box(view))) {
     const auto count = static_cast<std::size_t>(view.num_facets());
     std::vector<BuildItem> items(count);
     for (std::size_t i = 0; i < count; ++i) {
@@ -477,7 +485,7 @@ std::vector<SurfaceHit> SurfaceTree::nearest_all(const PointsView& queries, unsi
   parallel_for(hits.size(), kGrain, threads, [&](std::size_t begin, std::size_t end) {
     Index hint = kNone;
     for (std::size_t i = begin; i < end; ++i) {
-      hits[i] = nearest(queries.row(static_cast<Index>(i)).transpose(), hint);
+      hits[i] = nearest(queries[static_cast<std::ptrdiff_t>(i)], hint);
       hint = hits[i].point.facet;
     }
   });
