@@ -418,7 +418,7 @@ SizingRequest sizing_request(const Arguments& arguments) {
 
 amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name) {
   const auto [file, property] = sizing_file(name);
-  const Eigen::VectorXd radii = property.empty() ? amps::read_values(file) : amps::read_vertex_property(file, property);
+  const std::vector<double> radii = property.empty() ? amps::read_values(file) : amps::read_vertex_property(file, property);
   try {
     return amps::vertex_sizing(mesh, radii);
   } catch (const amps::Error& error) {
@@ -595,7 +595,7 @@ int run_remesh(const Arguments& arguments) {
   table.row("vertices", number(report.input.vertices), std::to_string(result.mesh.vertices.rows()));
   table.row("triangles", number(report.input.facets), number(report.output.facets));
   print_topology(table, report.input, report.output);
-  const Eigen::Index unused = result.mesh.vertices.rows() - report.output.vertices;
+  const std::ptrdiff_t unused = result.mesh.vertices.rows() - report.output.vertices;
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));  // samples on parts as thin as r
   print_radii(table, result.samples);
   print_optimization(table, report.optimization);

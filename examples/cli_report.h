@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -80,9 +81,9 @@ inline void print_maximality(const Table& table, const amps::MaximalityReport& r
 }
 
 inline void print_radii(const Table& table, const amps::SampleSet& samples) {
-  const double least = samples.radii.minCoeff(), most = samples.radii.maxCoeff();
-  table.row("radius r",
-            least == most ? number(least) : number(least) + " to " + number(most) + ", mean " + number(samples.radii.mean()));
+  const auto [min, max] = std::minmax_element(samples.radii.begin(), samples.radii.end());
+  const double mean = std::accumulate(samples.radii.begin(), samples.radii.end(), 0.0) / samples.size();
+  table.row("radius r", *min == *max ? number(*min) : number(*min) + " to " + number(*max) + ", mean " + number(mean));
 }
 
 inline void add_maximality(Json& json, const amps::MaximalityReport& report) {
