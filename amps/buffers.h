@@ -64,6 +64,31 @@ constexpr void require_viewable() {
       "amps: this matrix is a temporary, and the view would outlive it. Give it a name first: Eigen::MatrixXd V = ...;");
 }
 
+/// What three numbers side by side are made of; void for other types.
+template <class T>
+struct TripleOf {
+  using Scalar = void;
+};
+template <class S>
+struct TripleOf<std::array<S, 3>> {
+  using Scalar = S;
+};
+template <class S, int Options>
+struct TripleOf<Eigen::Matrix<S, 3, 1, Options, 3, 1>> {
+  using Scalar = S;
+};
+template <class S, int Options>
+struct TripleOf<Eigen::Matrix<S, 1, 3, Options, 1, 3>> {
+  using Scalar = S;
+};
+template <class T>
+using TripleScalar = typename TripleOf<T>::Scalar;
+
+template <class T>
+std::ptrdiff_t count_of(const std::vector<T>& values) {
+  return static_cast<std::ptrdiff_t>(values.size());
+}
+
 /// Keeps a temporary for as long as there are views of it.
 template <class Owner>
 std::shared_ptr<const Owner> take_over(Owner&& temporary) {
@@ -217,7 +242,10 @@ struct Columns {
 template <class T>
 inline constexpr bool is_real = std::is_same_v<T, double> || std::is_same_v<T, float>;
 template <class T>
-inline constexpr bool is_index = std::is_integral_v<T> && (sizeof(T) == 2 || sizeof(T) == 4 || sizeof(T) == 8);
+inline constexpr bool is_index = [] {
+  if constexpr (std::is_integral_v<T>) return sizeof(T) == 2 || sizeof(T) == 4 || sizeof(T) == 8;
+  return false;
+}();
 
 }  // namespace detail
 
@@ -249,14 +277,12 @@ class PointsView {
   PointsView(const Points& points)  // NOLINT: implicit by design, as all that follow
       : PointsView(points.data(), points.rows()) {}
   PointsView(Points&& points) : PointsView(detail::take_over(std::move(points))) {}  // NOLINT
-  PointsView(const std::vector<Vec3>& points)                                        // NOLINT
-      : PointsView(reinterpret_cast<const double*>(points.data()), static_cast<std::ptrdiff_t>(points.size())) {}
-  PointsView(std::vector<Vec3>&& points) : PointsView(detail::take_over(std::move(points))) {}  // NOLINT
-  template <class T, class = std::enable_if_t<detail::is_real<T>>>
-  PointsView(const std::vector<std::array<T, 3>>& points)  // NOLINT
-      : PointsView(reinterpret_cast<const T*>(points.data()), static_cast<std::ptrdiff_t>(points.size())) {}
-  template <class T, class = std::enable_if_t<detail::is_real<T>>>
-  PointsView(std::vector<std::array<T, 3>>&& points)  // NOLINT
+  /// Of vectors of Eigen::Vector3d, Vector3f, std::array<float, 3> and their like.
+  template <class Triple, class = std::enable_if_t<detail::is_real<detail::TripleScalar<Triple>>>>
+  PointsView(const std::vector<Triple>& points)  // NOLINT
+      : PointsView(reinterpret_cast<const detail::TripleScalar<Triple>*>(points.data()), detail::count_of(points)) {}
+  template <class Triple, class = std::enable_if_t<detail::is_real<detail::TripleScalar<Triple>>>>
+  PointsView(std::vector<Triple>&& points)  // NOLINT
       : PointsView(detail::take_over(std::move(points))) {}
 
   /// Of Eigen matrices, maps, blocks and transposes of either storage order. Throws Error(kInvalidArgument) unless there are 3
@@ -323,11 +349,12 @@ class TrianglesView {
   TrianglesView(const Triangles& triangles)  // NOLINT: implicit by design, as all that follow
       : TrianglesView(triangles.data(), triangles.rows()) {}
   TrianglesView(Triangles&& triangles) : TrianglesView(detail::take_over(std::move(triangles))) {}  // NOLINT
-  template <class T, class = std::enable_if_t<detail::is_index<T>>>
-  TrianglesView(const std::vector<std::array<T, 3>>& triangles)  // NOLINT
-      : TrianglesView(reinterpret_cast<const T*>(triangles.data()), static_cast<std::ptrdiff_t>(triangles.size())) {}
-  template <class T, class = std::enable_if_t<detail::is_index<T>>>
-  TrianglesView(std::vector<std::array<T, 3>>&& triangles)  // NOLINT
+  /// Of vectors of Eigen::Vector3i, std::array<std::uint16_t, 3> and their like.
+  template <class Triple, class = std::enable_if_t<detail::is_index<detail::TripleScalar<Triple>>>>
+  TrianglesView(const std::vector<Triple>& triangles)  // NOLINT
+      : TrianglesView(reinterpret_cast<const detail::TripleScalar<Triple>*>(triangles.data()), detail::count_of(triangles)) {}
+  template <class Triple, class = std::enable_if_t<detail::is_index<detail::TripleScalar<Triple>>>>
+  TrianglesView(std::vector<Triple>&& triangles)  // NOLINT
       : TrianglesView(detail::take_over(std::move(triangles))) {}
 
   /// Of Eigen matrices, maps, blocks and transposes of either storage order. Throws Error(kInvalidArgument) unless there are 3
@@ -405,7 +432,7 @@ class ValuesView {
       : memory_(detail::Columns<1>::interleaved(values, count, stride)), is_float_(true) {}
   template <class T, class = std::enable_if_t<detail::is_real<T>>>
   ValuesView(const std::vector<T>& values)  // NOLINT: implicit by design
-      : ValuesView(values.data(), static_cast<std::ptrdiff_t>(values.size())) {}
+      : ValuesView(values.data(), detail::count_of(values)) {}
   template <class T, class = std::enable_if_t<detail::is_real<T>>>
   ValuesView(std::vector<T>&& values)  // NOLINT
       : ValuesView(detail::take_over(std::move(values))) {}

@@ -208,6 +208,10 @@ TEST_CASE("buffers: a view of a temporary keeps it") {
   CHECK(points[1] == Vec3(4, 5, 6));
   const ValuesView values = std::vector<double>(100, 2.5);
   CHECK(values[99] == 2.5);
+  const PointsView floats = std::vector<Eigen::Vector3f>{{1, 2, 3}, {4, 5, 6}};
+  CHECK(floats[1] == Vec3(4, 5, 6));
+  const TrianglesView corners = std::vector<Eigen::Vector3i>{{1, 2, 3}, {4, 5, 6}};
+  CHECK(corners(1, 0) == 4);
   const TrianglesView triangles = std::vector<std::array<std::uint16_t, 3>>{{1, 2, 65535}};
   CHECK(triangles(0, 2) == 65535);
   const amps::RestrictedPowerDiagram diagram(amps::make_square(), std::vector<Vec3>{{0, 0, 0}, {1, 1, 0}},

@@ -1,6 +1,7 @@
 # What cannot be viewed does not compile, and the message names the remedy. Run with:
 #   cmake -D COMPILER=c++ -D SOURCE=project -D EIGEN="include;folders" -P check_no_view.cmake
-set(remedies "" "Evaluate it into a matrix" "Evaluate it into a matrix" "Evaluate it into a matrix" "Give it a name first"
+cmake_minimum_required(VERSION 3.22)
+set(remedies "-" "Evaluate it into a matrix" "Evaluate it into a matrix" "Evaluate it into a matrix" "Give it a name first"
   "Positions and values are float or double" "indices are integers of 16, 32 or 64 bits" "m.transpose\\(\\)" "Evaluate it into a matrix")
 set(flags -std=c++17 -fsyntax-only "-I${SOURCE}")
 foreach(folder IN LISTS EIGEN)
