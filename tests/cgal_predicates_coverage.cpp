@@ -113,7 +113,7 @@ constexpr Kind kAllKinds[] = {Kind::kRandom, Kind::kLattice,    Kind::kFlat,    
 
 double plus_or_minus(Rng& rng, double x) { return rng.below(2) == 0 ? x : -x; }
 
-/// One of the numbers that need all `bits`, or few of them.
+/// Numbers that need all `bits`, or few of them. Some are smaller, so that the weight that makes a power 0 fits the width too.
 double extreme(Rng& rng, int bits) {
   switch (rng.below(4)) {
     case 0:
@@ -121,7 +121,7 @@ double extreme(Rng& rng, int bits) {
     case 1:
       return plus_or_minus(rng, std::ldexp(1.0, bits - 1));
     default:
-      return plus_or_minus(rng, std::ldexp(0x1p53 - double(1 + rng.below(2)), bits - 53));
+      return plus_or_minus(rng, std::ldexp(0x1p53 - double(1 + rng.below(2)), bits - 53 - static_cast<int>(rng.below(3))));
   }
 }
 
