@@ -279,8 +279,6 @@ bool collinear(const double* a, const double* b, const double* c) noexcept {
   });
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
-
 Bisector::Bisector(const WeightedPoint& i, const WeightedPoint& j, const double* const corners[3]) noexcept
     : owner(&i), other(&j) {
   // The bound in closed form, for speed (Approx takes twice as long): a monomial d·(a or b) passes through at most 7 roundings
@@ -452,8 +450,6 @@ int side_of_facet_crossing(const double* const corners[3], const Bisector& j, co
   return sign * sum_sign;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
-
 namespace detail {
 namespace {
 
@@ -524,8 +520,6 @@ Vec3 facet_crossing_coordinates(const double* const corners[3], const WeightedPo
             detail::clamp01(detail::ratio(lambda.at[2], sum))};
   });
 }
-
-// ---------------------------------------------------------------------------------------------------------------------------
 
 namespace detail {
 namespace {

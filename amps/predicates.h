@@ -295,7 +295,6 @@ int side_of_ball(const double* x, const double* p, double w, OptionalTally tally
 /// True if the three points lie exactly on one line (or coincide).
 bool collinear(const double* a, const double* b, const double* c) noexcept;
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Sides of bisectors: restricted clipping
 //
 // For a facet (a, b, c), an owner i and another site j, let D_j(x) = |x − p_j|² − w_j − |x − p_i|² + w_i: affine in x, ≥ 0
@@ -346,7 +345,6 @@ std::array<double, 2> edge_crossing_coordinates(const double* const corners[3], 
 Vec3 facet_crossing_coordinates(const double* const corners[3], const WeightedPoint& i, const WeightedPoint& j,
                                 const WeightedPoint& l) noexcept;
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Coverage: the power of the owner at the vertices of its fragments
 //
 // pow_i(v) = |v − p_i|² − w_i at a vertex v of a facet clipped by bisectors: +1 uncovered by the owner's ball, 0 on its sphere,
