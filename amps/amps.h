@@ -22,7 +22,7 @@
 //
 //   base.h           vectors and indices, Error, Rng, Progress, parallel_for
 //   exact.h          (internal) the number types behind exact decisions
-//   predicates.h     orientation, power test, sides of bisectors: filter, exact, symbolic
+//   predicates.h     orientation, power test, sides of bisectors, coverage: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
 //   shapes.h         sphere, torus, square, knot, cube
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)

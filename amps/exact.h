@@ -67,7 +67,6 @@ struct Approx {
   Approx operator-() const noexcept { return {-value, error}; }
 };
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Integers of fixed width
 
 /// a·b = high·2^64 + the result, from 32-bit halves.
@@ -223,7 +222,6 @@ inline Int<3> to_limbs(const Product3& a) noexcept {
 }
 #endif
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // From doubles to integers
 
 /// A finite non-zero double as odd·2^lowest, with its highest bit.
