@@ -385,9 +385,9 @@ class PowerFilter {
   /// Let r² = w and δ = √3·error. A point of the closed ball is computed within r + δ of the centre, one that is not inside no
   /// nearer than r − δ, and 2rδ ≤ t·w + δ²/t for any t > 0, so that no root is needed:
   ///   (r + δ)² ≤ (1 + t)·w + (1 + 1/t)·δ²,   (r − δ)² ≥ (1 − t)·w − δ²/t.
-  /// A fixed t will do: it is as narrow as the share of the vertices that a slower stage may get, one in 2^29. Roundings, of
-  /// the squared distance (5 units of 2^-53) and here (4), are far below t; twice each term covers them, and kTiny underflow,
-  /// gradual or flushed to zero. A negative weight makes every point outside, whatever the thresholds.
+  /// A fixed t will do: where δ is below t·r, few vertices in 2^28 fall between the thresholds. Roundings, of the squared
+  /// distance (5 units of 2^-53) and here (4), are far below t; twice each term covers them, and kTiny underflow, gradual or
+  /// flushed to zero. A negative weight makes every point outside, whatever the thresholds.
   PowerFilter(const WeightedPoint& owner, double error) noexcept : x_(owner.x), y_(owner.y), z_(owner.z) {
     constexpr double t = 0x1p-30;
     const double position = ((6 / t) * error) * error + 2 * Approx::kTiny;
