@@ -27,6 +27,7 @@
 //   shapes.h         sphere, torus, square, knot, cube
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
 //   spatial_sort.h   (internal) the order of bulk insertion: random rounds along a Hilbert curve
+//   samples.h        the sample set, the conflict rule; how a sample is made
 //   triangulation.h  RegularTriangulation: the 3D regular triangulation of weighted points
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
@@ -36,12 +37,14 @@
 //   sizing.h         sizing fields: the wanted radius at each point of a surface
 //   sizing_lfs              (its .cpp only) local feature size, by poles
 //   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
+//   wanted_radii.h   (internal) one radius or a field, and the conflict rule, behind one face
 //   voxel_grid.h     (internal) which samples are near a dart
 //   darts.h          (internal) drawing facets by weight and points by density
 //   count_model.h    (internal) how many samples radii make
-//   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
-//   fragment_gaps.h  (internal) the gaps of a restricted power diagram
-//   sampling.h       darts, gap filling, and the certificate that a set is maximal
+//   gaps.h           (internal) the uncovered part of a fragment: area, primitives, uniform points in it
+//   gap_filling.h    (internal) fills gaps, for whoever has a set
+//   sampling.h       darts, then gap filling
+//   maximality.h     the certificate that a set is maximal; its gaps
 //   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
 //   refill.h         (internal) finding refills that improve what is bad
 //   optimize.h       better triangles and valences by refilling gaps
@@ -64,10 +67,12 @@
 #include "amps/mesh.h"
 #include "amps/shapes.h"
 #include "amps/kdtree.h"
+#include "amps/samples.h"
 #include "amps/triangulation.h"
 #include "amps/power_diagram.h"
 #include "amps/sizing.h"
 #include "amps/sampling.h"
+#include "amps/maximality.h"
 #include "amps/optimize.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
