@@ -182,6 +182,10 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+/// Throws Error(kEnvironment) unless this thread rounds to nearest in plain double precision. A few nanoseconds; called where
+/// exact work starts, and on threads that are not ours. Flush-to-zero modes, which games like to set, are fine: only denormal coordinates would notice.
+void require_exact_arithmetic();
+
 [[noreturn]] void assertion_failed(const char* condition, const char* file, int line);
 
 }  // namespace detail
