@@ -20,7 +20,9 @@
 //
 // Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
 //
-//   base.h           vectors and indices, Error, Rng, Progress, parallel_for
+//   base.h           vectors and indices, Error, Rng
+//   thread_pool.h    (internal) threads that are started once
+//   execution.h      Execution: threads, progress and cancelling of a call; parallel_for
 //   exact.h          (internal) the number types behind exact decisions
 //   predicates.h     orientation, power test, sides of bisectors, coverage: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
@@ -63,6 +65,7 @@
 #define AMPS_VERSION_PATCH 0
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/predicates.h"
 #include "amps/mesh.h"
 #include "amps/shapes.h"

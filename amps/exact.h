@@ -25,10 +25,6 @@ namespace amps::detail {
 /// Half an ulp of 1: relative error of one rounding to nearest.
 inline constexpr double kUnitRoundoff = 0x1p-53;
 
-/// Throws Error(kEnvironment) unless this thread rounds to nearest in plain double precision. A few nanoseconds; called where
-/// exact work starts. Flush-to-zero modes, which games like to set, are fine: only denormal coordinates would notice.
-void require_exact_arithmetic();
-
 inline int sign_of(double x) noexcept { return (x > 0) - (x < 0); }
 
 /// A value and a bound of its absolute error. The bound is itself computed in floating point; the factor in `certain` and

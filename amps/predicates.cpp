@@ -7,19 +7,6 @@
 namespace amps {
 namespace detail {
 
-void require_exact_arithmetic() {
-  // volatile: the compiler must not evaluate these with its own arithmetic.
-  volatile double one = 1.0, half_ulp = 0x1p-53, more = 0x1.8p-53;
-  volatile double down = one + half_ulp;  // tie: to even, that is to 1
-  volatile double up = one + more;        // above the tie: away
-  volatile double minus = -one - more;
-  if (down != 1.0 || up != 1.0 + 0x1p-52 || minus != -(1.0 + 0x1p-52)) {
-    throw Error(ErrorCode::kEnvironment,
-                "amps: floating-point arithmetic of this thread does not round to nearest in double precision; restore it with "
-                "fesetround(FE_TONEAREST), and compile for SSE2 or another unit without extended precision");
-  }
-}
-
 StaticBounds StaticBounds::for_set(const Vec3& extent, double weight_range, int unit) noexcept {
   StaticBounds bounds;
   // In multiples of the unit, all intermediate values are integers of at most the sum of the monomials' magnitudes: 6 of them
