@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <exception>
+#include <locale>
 #include <mutex>
+#include <sstream>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -104,6 +106,13 @@ void parallel_for(std::size_t n, std::size_t grain, unsigned threads,
 }
 
 namespace detail {
+
+std::string number_text(double x) {
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text << x;
+  return text.str();
+}
 
 void assertion_failed(const char* condition, const char* file, int line) {
   throw Error(ErrorCode::kInternal, std::string("amps: internal error, please report it: ") + condition + " does not hold at " +

@@ -182,6 +182,9 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+/// A number in a text for people: six significant digits, 1e-09 as such, a point for the decimals whatever the locale.
+std::string number_text(double x);
+
 [[noreturn]] void assertion_failed(const char* condition, const char* file, int line);
 
 }  // namespace detail

@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <ostream>
 #include <utility>
 
@@ -44,12 +43,6 @@ constexpr std::size_t kFragmentsAtATime = 16384;
 
 constexpr std::uint64_t kDartsPerReport = 1024;
 constexpr Index kInsertionsPerReport = 256;
-
-std::string number_text(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", x);
-  return text;
-}
 
 void require_sampling_options(const SamplingOptions& options) {
   if (options.max_rejections < 1) {
