@@ -21,6 +21,7 @@
 // Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
 //
 //   base.h           vectors and indices, Error, Rng, Progress, parallel_for
+//   portable_math.h  (internal) angles; sine and logarithm with the same bits everywhere
 //   exact.h          (internal) the number types behind exact decisions
 //   predicates.h     orientation, power test, sides of bisectors: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input

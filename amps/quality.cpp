@@ -1,7 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/quality.h"
 
-#include "amps/exact.h"
+#include "amps/portable_math.h"
 
 #include <Eigen/Geometry>
 
@@ -38,11 +38,10 @@ FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
   const double twice_area = edges[(longest + 1) % 3].cross(edges[(longest + 2) % 3]).norm();
   if (!(twice_area > 0)) return {0, 0, 180, true, 0};
 
-  constexpr double kToDegrees = 180 / 3.14159265358979323846;
   FacetShape shape{twice_area / 2, 180, 0, false, 0};
   for (int k = 0; k < 3; ++k) {
     const double dot = -edges[(k + 1) % 3].dot(edges[(k + 2) % 3]);  // one of the two leads to the corner, one away from it
-    const double angle = std::atan2(twice_area, dot) * kToDegrees;
+    const double angle = detail::to_degrees(std::atan2(twice_area, dot));
     shape.smallest_angle = std::min(shape.smallest_angle, angle);
     shape.largest_angle = std::max(shape.largest_angle, angle);
     shape.obtuse |= dot < 0;

@@ -1,6 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sizing.h"
 
+#include "amps/portable_math.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -143,31 +145,11 @@ bool is_radius(double r) { return r > 0 && std::isfinite(r); }
 // ---------------------------------------------------------------------------------------------------------------------------
 // ∫ 1/r² over a triangle, r linear. std::log differs between platforms, and the integrals decide where darts go.
 
-/// atanh(s)/s, |s| ≤ 0.172: the remainder of the series is below s²⁴/25 < 1e-19.
-double atanh_over(double s) {
-  const double q = s * s;
-  double sum = 0;
-  for (int n = 23; n >= 1; n -= 2) sum = sum * q + 1.0 / n;
-  return sum;
-}
-
-/// ln x, x > 0: ln 2 · e + 2 atanh((m − 1)/(m + 1)) with m in [√½, √2].
-double portable_log(double x) {
-  constexpr double kLn2 = 0.693147180559945309417232;
-  int exponent = 0;
-  double m = std::frexp(x, &exponent);
-  if (m < 0.70710678118654752) {
-    m *= 2;
-    --exponent;
-  }
-  const double s = (m - 1) / (m + 1);
-  return exponent * kLn2 + 2 * s * atanh_over(s);
-}
-
 /// (ln b − ln a)/(b − a), also for a = b.
 double log_slope(double a, double b) {
+  using detail::portable_log;
   const double s = (b - a) / (b + a);
-  return std::abs(s) < 0.17 ? 2 * atanh_over(s) / (a + b) : (portable_log(b) - portable_log(a)) / (b - a);
+  return std::abs(s) < 0.17 ? 2 * detail::portable_atanh_over(s) / (a + b) : (portable_log(b) - portable_log(a)) / (b - a);
 }
 
 /// The mean of 1/r² over a triangle. By Hermite–Genocchi it is 2·F[r₀, r₁, r₂] with F'' = 1/r², so F = −ln. Where the radii

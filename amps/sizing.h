@@ -24,14 +24,6 @@ namespace amps {
 namespace detail {
 struct SizingLattice;
 struct SizingFieldAccess;
-
-/// sin x, |x| ≤ π/2, the same on every platform; the remainder of the series is below x²³/23! < 2e-18.
-inline double portable_sine(double x) {
-  double sum = 0;
-  for (int n = 21; n >= 1; n -= 2) sum = 1 - x * x / ((n + 1.0) * (n + 2.0)) * sum;
-  return x * sum;
-}
-
 }  // namespace detail
 
 /// The wanted disk radius r > 0 at every point of one mesh, absolute units. Piecewise linear: each facet carries a lattice of

@@ -5,6 +5,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sizing.h"
 
+#include "amps/portable_math.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -97,8 +99,7 @@ std::array<double, 3> corner_areas(const std::array<Vec3, 3>& corner) {
 class CurvatureEstimator {
  public:
   CurvatureEstimator(const MeshView& mesh, double crease_angle) : mesh_(merge_equal_vertices(mesh)), view_(mesh_) {
-    constexpr double kPi = 3.14159265358979323846;
-    crease_cosine_ = detail::portable_sine(kPi / 2 - crease_angle * (kPi / 180));
+    crease_cosine_ = detail::portable_sine(detail::kPi / 2 - detail::to_radians(crease_angle));
     normals_ = facet_normals(view_);
     // To unit size: fourth powers of lengths must be doubles.
     const Box box = bounding_box(view_);

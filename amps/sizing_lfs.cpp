@@ -7,6 +7,7 @@
 #include "amps/sizing.h"
 
 #include "amps/kdtree.h"
+#include "amps/portable_math.h"
 #include "amps/triangulation.h"
 
 #include <algorithm>
@@ -361,8 +362,7 @@ Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filt
 class MedialAxis {
  public:
   MedialAxis(const MeshView& mesh, const LfsOptions& options) : samples_(mesh) {
-    constexpr double kPi = 3.14159265358979323846;
-    const double separation = 2 * detail::portable_sine(options.min_separation * (kPi / 360));
+    const double separation = 2 * detail::portable_sine(detail::to_radians(options.min_separation / 2));
     const double least = std::sqrt(samples_.total_area() / (kHexagonal * options.samples));
     RegularTriangulation triangulation(samples_.positions_from(0));
     std::vector<Pole> poles = PoleFinder(samples_, triangulation).poles();
