@@ -25,6 +25,7 @@
 //   exact.h          (internal) the number types behind exact decisions
 //   predicates.h     orientation, power test, sides of bisectors: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
+//   mesh_edges.h     (internal) facets at edges, fans of corners, disjoint sets, points by position
 //   shapes.h         sphere, torus, square, knot, cube
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
 //   spatial_sort.h   (internal) the order of bulk insertion: random rounds along a Hilbert curve

@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sizing.h"
 
+#include "amps/mesh_edges.h"
 #include "amps/portable_math.h"
 
 #include <algorithm>
@@ -323,33 +324,12 @@ double count_factor(const SizingField& field, double count) {
 
 namespace {
 
-/// First of the sides of all facets with the same two vertices, by 3·facet + k: side k goes from corner k to k + 1.
-std::vector<std::size_t> first_equal_sides(const Triangles& triangles) {
-  struct Side {
-    Index high;
-    std::size_t side;
-  };
-  // By low vertex (a counting sort), then by high vertex and facet.
-  const std::size_t n = 3 * slot(static_cast<Index>(triangles.rows()));
-  const auto corner = [&](std::size_t s) {
-    return triangles(static_cast<Eigen::Index>(s / 3), static_cast<Eigen::Index>(s % 3));
-  };
-  const auto end = [&](std::size_t s) { return corner(s % 3 == 2 ? s - 2 : s + 1); };
-  std::vector<std::size_t> begin(slot(n == 0 ? 0 : triangles.maxCoeff()) + 2, 0);
-  for (std::size_t s = 0; s < n; ++s) ++begin[slot(std::min(corner(s), end(s))) + 1];
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
-  std::vector<Side> sides(n);
-  for (std::size_t s = 0; s < n; ++s) sides[next[slot(std::min(corner(s), end(s)))]++] = {std::max(corner(s), end(s)), s};
-  std::vector<std::size_t> first(n);
-  for (std::size_t low = 0; low + 1 < begin.size(); ++low) {
-    std::sort(sides.begin() + static_cast<std::ptrdiff_t>(begin[low]),
-              sides.begin() + static_cast<std::ptrdiff_t>(begin[low + 1]),
-              [](const Side& a, const Side& b) { return a.high != b.high ? a.high < b.high : a.side < b.side; });
-    for (std::size_t i = begin[low], run = i; i < begin[low + 1]; ++i) {
-      if (sides[i].high != sides[run].high) run = i;
-      first[sides[i].side] = sides[run].side;
-    }
+/// The first side of each side's edge, by side.
+std::vector<std::size_t> first_sides(const TrianglesView& triangles, Index num_vertices) {
+  const detail::MeshEdges edges(triangles, num_vertices);
+  std::vector<std::size_t> first(edges.num_corners());
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    for (const detail::EdgeSide& side : edges[e]) first[side.corner()] = edges[e][0].corner();
   }
   return first;
 }
@@ -413,7 +393,7 @@ class NodeGraph {
 
  private:
   void number_edges() {
-    first_side_ = first_equal_sides(welded_.triangles);
+    first_side_ = first_sides(welded_.triangles, static_cast<Index>(welded_.vertices.rows()));
     edge_level_.assign(first_side_.size(), 0);
     for (std::size_t s = 0; s < first_side_.size(); ++s) {
       std::uint8_t& level = edge_level_[first_side_[s]];
@@ -680,7 +660,7 @@ class Tabulator {
     const PlaceOnSide place = place_on_side(k, i, j);
     if (place.side < 0) return call(f, lattice_barycentric(k, i, j));
     if (place.steps == 0) return at_corner(f, place.side);
-    if (first_side_.empty()) first_side_ = first_equal_sides(mesh_.triangles);
+    if (first_side_.empty()) first_side_ = first_sides(mesh_.triangles, mesh_.num_vertices());
     const std::size_t first = first_side_[3 * slot(f) + slot(place.side)];
     const auto owner = static_cast<Index>(first / 3);
     const int side = static_cast<int>(first % 3);

@@ -7,13 +7,13 @@
 #include "amps/sizing.h"
 
 #include "amps/kdtree.h"
+#include "amps/mesh_edges.h"
 #include "amps/portable_math.h"
 #include "amps/triangulation.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <string>
 #include <utility>
@@ -29,8 +29,7 @@ using detail::slot;
 /// squares and fourth powers of coordinates are doubles.
 class PoleSamples {
  public:
-  explicit PoleSamples(const MeshView& mesh)
-      : mesh_(mesh), areas_(facet_areas(mesh)), level_(areas_.size(), 0), table_(16, kNone) {
+  explicit PoleSamples(const MeshView& mesh) : mesh_(mesh), areas_(facet_areas(mesh)), level_(areas_.size(), 0) {
     const Box box = bounding_box(mesh);
     int exponent = 0;
     std::frexp(std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff()), &exponent);
@@ -44,10 +43,9 @@ class PoleSamples {
   double scale() const { return scale_; }
   double diagonal() const { return diagonal_; }
   double total_area() const { return total_area_; }
-  Index size() const { return static_cast<Index>(around_.size()); }
-  Vec3 position(Index s) const { return Eigen::Map<const Vec3>(&coordinates_[3 * slot(s)]); }
+  Index size() const { return points_.size(); }
   Eigen::Map<const Points> positions_from(Index first) const {
-    return {coordinates_.data() + 3 * slot(first), size() - first, 3};
+    return {points_.coordinates().data() + 3 * slot(first), size() - first, 3};
   }
   /// Longest edge of the (lattice) triangles around a sample.
   double spacing(Index s) const { return around_[slot(s)].spacing; }
@@ -89,29 +87,9 @@ class PoleSamples {
   };
 
   Index find_or_add(const Vec3& x) {
-    if (2 * around_.size() >= table_.size()) grow_table();
-    Index& entry = table_[place(x)];
-    if (entry != kNone) return entry;
-    entry = size();
-    coordinates_.insert(coordinates_.end(), {x.x(), x.y(), x.z()});
-    around_.emplace_back();
-    return entry;
-  }
-  std::size_t place(const Vec3& x) const {
-    std::uint64_t hash = 0;
-    for (int k = 0; k < 3; ++k) {
-      const double coordinate = x[k] + 0.0;  // −0 is 0
-      std::uint64_t bits = 0;
-      std::memcpy(&bits, &coordinate, sizeof bits);
-      hash = detail::scramble(hash + bits);
-    }
-    std::size_t at = hash & (table_.size() - 1);
-    while (table_[at] != kNone && position(table_[at]) != x) at = (at + 1) & (table_.size() - 1);
-    return at;
-  }
-  void grow_table() {
-    table_.assign(4 * table_.size(), kNone);
-    for (Index s = 0; s < size(); ++s) table_[place(position(s))] = s;
+    const Index s = points_.find_or_add(x);
+    if (slot(s) == around_.size()) around_.emplace_back();
+    return s;
   }
   void meet_facet(Index s, const Vec3& normal, double edge) {
     Surrounding& around = around_[slot(s)];
@@ -183,9 +161,8 @@ class PoleSamples {
   std::vector<double> areas_;
   std::vector<std::uint8_t> level_;
   std::vector<Index> sample_of_vertex_;
-  std::vector<double> coordinates_;
+  detail::DistinctPoints points_;  ///< the samples
   std::vector<Surrounding> around_;
-  std::vector<Index> table_;  ///< samples by position, open addressing
   double scale_ = 1, diagonal_ = 0, total_area_ = 0;
 };
 
