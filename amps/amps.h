@@ -36,6 +36,8 @@
 //   power_diagram_clipper  (internal) its polygons, cut by bisectors
 //   power_diagram_edit     (its .cpp only) inserting and removing sites
 //   sizing.h         sizing fields: the wanted radius at each point of a surface
+//   sizing_lattice.h  (internal) its tables: lattices on facets, interpolation, the integral that counts samples
+//   sizing_gradation        (its .cpp only) limiting how fast the radius changes; fields for a number of samples
 //   sizing_lfs              (its .cpp only) local feature size, by poles
 //   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
 //   voxel_grid.h     (internal) which samples are near a dart

@@ -11,13 +11,13 @@
 namespace amps::detail {
 namespace {
 
-/// β: measured on the unit square with uniform radii, n from 10³ to 10⁵; the same with gradations up to 0.1.
+/// β: measured on the unit square with uniform radii.
 constexpr double kSamplesPerBoundary = 0.255;
 
 /// The part of the count that boundary edges may account for: cracks, which are no boundary of the shape, must not rule it.
 constexpr double kMaxPartAtBoundary = 0.3;
 
-/// γ: measured on the unit square with r linear in x, slopes from 0.01 to 0.3: of two disks the larger keeps others off.
+/// γ: measured on the unit square with r linear in x. Of two disks the larger keeps others off.
 constexpr double kLostToGradient = 0.07;
 
 /// ∫|∇r| dA/r².

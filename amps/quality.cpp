@@ -35,7 +35,7 @@ FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
     lengths[k] = edges[k].norm();
   }
   const int longest = static_cast<int>(std::max_element(lengths, lengths + 3) - lengths);
-  // Twice the area, from the two shorter edges: its error is relative to their product, the least of the three choices.
+  // Twice the area, from the two shorter edges: its error is relative to their product, the smallest of the three.
   const double twice_area = edges[(longest + 1) % 3].cross(edges[(longest + 2) % 3]).norm();
   if (!(twice_area > 0)) return {0, 0, 180, true, 0};
 

@@ -154,8 +154,8 @@ struct KnotMeasure {
   double length = 0;
 };
 
-// Reach of the curve: the least |b−a|² / (2 · distance of b from the tangent line at a) over pairs of points (Federer 1959,
-// theorem 4.18). It bounds both the curvature (b → a) and the distance to other strands, hence is what a tube has to stay
+// Reach of the curve: the minimum of |b−a|² / (2 · distance of b from the tangent line at a) over pairs of points (Federer
+// 1959, theorem 4.18). It bounds both the curvature (b → a) and the distance to other strands, hence is what a tube has to stay
 // under.
 KnotMeasure measure_knot(const KnotCurve& curve, int samples) {
   const auto n = static_cast<std::size_t>(samples);
@@ -281,13 +281,13 @@ Mesh make_knot(const KnotOptions& options) {
   const KnotMeasure measure = measure_knot(curve, 128 * std::max(options.p, options.q));
   const double tube = options.tube == 0 ? 0.7 * measure.reach : options.tube;
   require_shape(positive_finite(tube) && tube <= 0.9 * measure.reach, "the knot's tube must be > 0 and under 0.9 of its reach");
-  const Index least_along = 8 * (options.p + options.q);
+  const Index min_along = 8 * (options.p + options.q);
   const double square_along = measure.length / (2.0 * detail::kPi * tube) * options.around;
   if (options.along == 0 && square_along > std::numeric_limits<Index>::max()) {
     throw Error(ErrorCode::kTooLarge, "amps: a knot with that many cells is more than a 32-bit index counts; ask for fewer");
   }
-  const Index nu = options.along == 0 ? std::max(least_along, static_cast<Index>(square_along)) : options.along;
-  require_shape(nu >= least_along, "a knot needs at least 8(p + q) cells along");
+  const Index nu = options.along == 0 ? std::max(min_along, static_cast<Index>(square_along)) : options.along;
+  require_shape(nu >= min_along, "a knot needs at least 8(p + q) cells along");
   const Index nv = options.around;
   const std::int64_t cells = static_cast<std::int64_t>(nu) * nv;
   Mesh mesh = empty_shape(cells, 2 * cells);
