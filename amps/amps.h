@@ -23,9 +23,11 @@
 //   base.h           vectors and indices, Error, Rng
 //   thread_pool.h    (internal) threads that are started once
 //   execution.h      Execution: threads, progress and cancelling of a call; parallel_for
+//   portable_math.h  (internal) angles; sine and logarithm with the same bits everywhere
 //   exact.h          (internal) the number types behind exact decisions
 //   predicates.h     orientation, power test, sides of bisectors, coverage: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
+//   mesh_edges.h     (internal) facets at edges, fans of corners, disjoint sets, points by position
 //   shapes.h         sphere, torus, square, knot, cube
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
 //   spatial_sort.h   (internal) the order of bulk insertion: random rounds along a Hilbert curve
@@ -37,6 +39,8 @@
 //   power_diagram_clipper  (internal) its polygons, cut by bisectors
 //   power_diagram_edit     (its .cpp only) inserting and removing sites
 //   sizing.h         sizing fields: the wanted radius at each point of a surface
+//   sizing_lattice.h  (internal) its tables: lattices on facets, interpolation, the integral that counts samples
+//   sizing_gradation        (its .cpp only) limiting how fast the radius changes; fields for a number of samples
 //   sizing_lfs              (its .cpp only) local feature size, by poles
 //   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
 //   wanted_radii.h   (internal) one radius or a field, and the conflict rule, behind one face

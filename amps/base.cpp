@@ -1,6 +1,9 @@
 #define AMPS_OWN_SOURCE
 #include "amps/base.h"
 
+#include <locale>
+#include <sstream>
+
 namespace amps {
 
 Rng::Rng(std::uint64_t seed) noexcept {
@@ -44,6 +47,13 @@ void require_exact_arithmetic() {
                 "amps: floating-point arithmetic of this thread does not round to nearest in double precision; restore it with "
                 "fesetround(FE_TONEAREST), and compile for SSE2 or another unit without extended precision");
   }
+}
+
+std::string number_text(double x) {
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text << x;
+  return text.str();
 }
 
 void assertion_failed(const char* condition, const char* file, int line) {

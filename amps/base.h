@@ -148,6 +148,8 @@ class Stopwatch {
 /// Throws Error(kEnvironment) unless this thread rounds to nearest in plain double precision. A few nanoseconds; called where
 /// exact work starts, and on threads that are not ours. Flush-to-zero modes, which games like to set, are fine: only denormal coordinates would notice.
 void require_exact_arithmetic();
+/// A number in a text for people: six significant digits, 1e-09 as such, a point for the decimals whatever the locale.
+std::string number_text(double x);
 
 [[noreturn]] void assertion_failed(const char* condition, const char* file, int line);
 

@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
 #include <utility>
 #include <vector>
@@ -37,12 +36,6 @@ constexpr std::uint64_t kDartsPerReport = 1024;
 /// Darts drawn at a time, whatever becomes of the first of them: the voxels they will look at are on their way from memory
 /// meanwhile. A third of the time of a large set.
 constexpr std::size_t kDartsAhead = 16;
-
-std::string number_text(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", x);
-  return text;
-}
 
 void require_sampling_options(const SamplingOptions& options) {
   if (options.max_rejections < 1) {
