@@ -1,5 +1,5 @@
-// base.h: the vocabulary of amps — vectors and index types, errors, assertions, a seeded random generator. Everything else in the
-// library includes this file and only files between it and itself in the reading order of amps.h.
+// base.h: the vocabulary of amps — vectors and index types, errors, assertions, a seeded random generator. Everything else in
+// the library includes this file and only files between it and itself in the reading order of amps.h.
 #pragma once
 
 // The same bits with every compiler: a multiplication and an addition contracted into one FMA round differently. Vendored users
@@ -146,7 +146,8 @@ class Stopwatch {
 };
 
 /// Throws Error(kEnvironment) unless this thread rounds to nearest in plain double precision. A few nanoseconds; called where
-/// exact work starts, and on threads that are not ours. Flush-to-zero modes, which games like to set, are fine: only denormal coordinates would notice.
+/// exact work starts, and on threads that are not ours. Flush-to-zero modes, which games like to set, are fine: only denormal
+/// coordinates would notice.
 void require_exact_arithmetic();
 /// A number in a text for people: six significant digits, 1e-09 as such, a point for the decimals whatever the locale.
 std::string number_text(double x);
