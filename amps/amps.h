@@ -21,14 +21,19 @@
 //
 // Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
 //
-//   base.h           vectors and indices, Error, Rng, Progress, parallel_for
+//   base.h           vectors and indices, Error, Rng
 //   buffers.h        plain tables that results own, views of the caller's memory
+//   thread_pool.h    (internal) threads that are started once
+//   execution.h      Execution: threads, progress and cancelling of a call; parallel_for
+//   portable_math.h  (internal) angles; sine and logarithm with the same bits everywhere
 //   exact.h          (internal) the number types behind exact decisions
-//   predicates.h     orientation, power test, sides of bisectors: filter, exact, symbolic
+//   predicates.h     orientation, power test, sides of bisectors, coverage: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
+//   mesh_edges.h     (internal) facets at edges, fans of corners, disjoint sets, points by position
 //   shapes.h         sphere, torus, square, knot, cube
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
 //   spatial_sort.h   (internal) the order of bulk insertion: random rounds along a Hilbert curve
+//   samples.h        the sample set, the conflict rule; how a sample is made
 //   triangulation.h  RegularTriangulation: the 3D regular triangulation of weighted points
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
@@ -36,14 +41,18 @@
 //   power_diagram_clipper  (internal) its polygons, cut by bisectors
 //   power_diagram_edit     (its .cpp only) inserting and removing sites
 //   sizing.h         sizing fields: the wanted radius at each point of a surface
+//   sizing_lattice.h  (internal) its tables: lattices on facets, interpolation, the integral that counts samples
+//   sizing_gradation        (its .cpp only) limiting how fast the radius changes; fields for a number of samples
 //   sizing_lfs              (its .cpp only) local feature size, by poles
 //   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
+//   wanted_radii.h   (internal) one radius or a field, and the conflict rule, behind one face
 //   voxel_grid.h     (internal) which samples are near a dart
 //   darts.h          (internal) drawing facets by weight and points by density
 //   count_model.h    (internal) how many samples radii make
-//   gaps.h           (internal) the uncovered part of a cell: area, primitives, uniform points in it
-//   fragment_gaps.h  (internal) the gaps of a restricted power diagram
-//   sampling.h       darts, gap filling, and the certificate that a set is maximal
+//   gaps.h           (internal) the uncovered part of a fragment: area, primitives, uniform points in it
+//   gap_filling.h    (internal) fills gaps, for whoever has a set
+//   sampling.h       darts, then gap filling
+//   maximality.h     the certificate that a set is maximal; its gaps
 //   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
 //   refill.h         (internal) finding refills that improve what is bad
 //   optimize.h       better triangles and valences by refilling gaps
@@ -63,14 +72,17 @@
 
 #include "amps/base.h"
 #include "amps/buffers.h"
+#include "amps/execution.h"
 #include "amps/predicates.h"
 #include "amps/mesh.h"
 #include "amps/shapes.h"
 #include "amps/kdtree.h"
+#include "amps/samples.h"
 #include "amps/triangulation.h"
 #include "amps/power_diagram.h"
 #include "amps/sizing.h"
 #include "amps/sampling.h"
+#include "amps/maximality.h"
 #include "amps/optimize.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"

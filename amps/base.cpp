@@ -1,12 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/base.h"
 
-#include <algorithm>
-#include <exception>
-#include <mutex>
-#include <thread>
-#include <utility>
-#include <vector>
+#include <locale>
+#include <sstream>
 
 namespace amps {
 
@@ -38,72 +34,27 @@ Vec3 uniform_barycentric(Rng& rng) noexcept {
   return {1.0 - u - v, u, v};
 }
 
-Progress::Progress() : state_(std::make_shared<State>()) {}
-
-Progress::Progress(Callback callback) : Progress() { state_->callback = std::move(callback); }
-
-void Progress::cancel() noexcept { state_->cancelled.store(true, std::memory_order_relaxed); }
-
-bool Progress::cancelled() const noexcept { return state_->cancelled.load(std::memory_order_relaxed); }
-
-double Progress::fraction() const noexcept { return state_->fraction.load(std::memory_order_relaxed); }
-
-const char* Progress::stage() const noexcept { return state_->stage.load(std::memory_order_relaxed); }
-
-bool Progress::report(const char* stage, double fraction) const {
-  {
-    const std::lock_guard<std::mutex> lock(state_->report_mutex);
-    // Threads report in any order: the farthest of a stage counts.
-    if (state_->stage.load(std::memory_order_relaxed) == stage && fraction <= 1) {
-      fraction = std::max(fraction, state_->fraction.load(std::memory_order_relaxed));
-    }
-    state_->stage.store(stage, std::memory_order_relaxed);
-    state_->fraction.store(fraction, std::memory_order_relaxed);
-    if (state_->callback && !state_->callback(stage, fraction)) {
-      state_->cancelled.store(true, std::memory_order_relaxed);
-    }
-  }
-  return !cancelled();
-}
-
-void parallel_for(std::size_t n, std::size_t grain, unsigned threads,
-                  const std::function<void(std::size_t, std::size_t)>& body) {
-  if (n == 0) return;
-  grain = std::max<std::size_t>(grain, 1);
-  const std::size_t pieces = (n + grain - 1) / grain;
-  if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency());
-  const std::size_t workers = std::min<std::size_t>(threads, pieces);
-  if (workers <= 1) {
-    for (std::size_t p = 0; p < pieces; ++p) body(p * grain, std::min(n, (p + 1) * grain));
-    return;
-  }
-
-  std::atomic<std::size_t> next_piece{0};
-  std::mutex failure_mutex;
-  std::exception_ptr failure;
-  std::size_t failed_piece = pieces;
-  const auto work = [&] {
-    for (std::size_t p = next_piece++; p < pieces; p = next_piece++) {
-      try {
-        body(p * grain, std::min(n, (p + 1) * grain));
-      } catch (...) {
-        const std::lock_guard<std::mutex> lock(failure_mutex);
-        if (p < failed_piece) {
-          failed_piece = p;
-          failure = std::current_exception();
-        }
-      }
-    }
-  };
-  std::vector<std::thread> pool;
-  pool.reserve(workers - 1);
-  for (std::size_t t = 1; t < workers; ++t) pool.emplace_back(work);
-  work();
-  for (std::thread& thread : pool) thread.join();
-  if (failure) std::rethrow_exception(failure);
-}
-
 namespace detail {
+
+void require_exact_arithmetic() {
+  // volatile: the compiler must not evaluate these with its own arithmetic.
+  volatile double one = 1.0, half_ulp = 0x1p-53, more = 0x1.8p-53;
+  volatile double down = one + half_ulp;  // tie: to even, that is to 1
+  volatile double up = one + more;        // above the tie: away
+  volatile double minus = -one - more;
+  if (down != 1.0 || up != 1.0 + 0x1p-52 || minus != -(1.0 + 0x1p-52)) {
+    throw Error(ErrorCode::kEnvironment,
+                "amps: floating-point arithmetic of this thread does not round to nearest in double precision; restore it with "
+                "fesetround(FE_TONEAREST), and compile for SSE2 or another unit without extended precision");
+  }
+}
+
+std::string number_text(double x) {
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text << x;
+  return text.str();
+}
 
 void assertion_failed(const char* condition, const char* file, int line) {
   throw Error(ErrorCode::kInternal, std::string("amps: internal error, please report it: ") + condition + " does not hold at " +

@@ -1,6 +1,5 @@
-// base.h: the vocabulary of amps — vectors and index types, errors, assertions, a seeded random generator, progress and
-// cancellation, and a deterministic parallel loop. Everything else in the library includes this file and only files between
-// it and itself in the reading order of amps.h.
+// base.h: the vocabulary of amps — vectors and index types, errors, assertions, a seeded random generator. Everything else in
+// the library includes this file and only files between it and itself in the reading order of amps.h.
 #pragma once
 
 // The same bits with every compiler: a multiplication and an addition contracted into one FMA round differently. Vendored users
@@ -48,6 +47,7 @@ enum class ErrorCode {
   kFileFormat,       ///< a file that is not what its name or header says, or is cut short
   kTooLarge,         ///< the result would not fit in memory or in 32-bit indices
   kEnvironment,      ///< floating-point arithmetic is not what exactness needs (-ffast-math, other rounding mode)
+  kCancelled,        ///< stopped through Progress (execution.h) in a call that has nothing to return but its whole result
   kInternal,         ///< a broken invariant: a bug in amps, please report it
 };
 
@@ -94,48 +94,11 @@ class Rng {
 /// Barycentric coordinates of a uniformly distributed point of a triangle; two draws of `rng`.
 Vec3 uniform_barycentric(Rng& rng) noexcept;
 
-/// Progress and cancellation of a long call. Copies share one state, so keep one and pass another. Every member may be called
-/// from any thread at any time. Functions taking a Progress look at it at least every ~1,000 units of work (darts,
-/// insertions, facets) and return the best valid state they have when it is cancelled.
-class Progress {
- public:
-  /// Called by the thread that reports progress, one call at a time; return false to cancel. `stage` is a static string,
-  /// `fraction` lies in [0, 1] and does not fall within a stage. Must not report progress itself.
-  using Callback = std::function<bool(const char* stage, double fraction)>;
-
-  Progress();
-  explicit Progress(Callback callback);
-
-  void cancel() noexcept;
-  bool cancelled() const noexcept;
-  double fraction() const noexcept;
-  const char* stage() const noexcept;
-
-  /// For the working code: publish where we are. Returns false if the call should stop.
-  bool report(const char* stage, double fraction) const;
-
- private:
-  struct State {
-    std::atomic<bool> cancelled{false};
-    std::atomic<double> fraction{0.0};
-    std::atomic<const char*> stage{""};
-    Callback callback;
-    std::mutex report_mutex;
-  };
-  std::shared_ptr<State> state_;
-};
-
 /// How a call that can be stopped ended.
 enum class Status {
   kDone,       ///< everything asked for was reached
   kCancelled,  ///< stopped through Progress; the result is valid but not finished
 };
-
-/// Runs body(begin, end) over consecutive pieces of [0, n) of `grain` elements each, on up to `threads` threads (0: one per
-/// hardware core). Pieces depend only on n and grain, never on the number of threads, so a body that writes per piece gives
-/// the same result for any number. The first exception of a piece (lowest begin) is rethrown after all threads have ended.
-void parallel_for(std::size_t n, std::size_t grain, unsigned threads,
-                  const std::function<void(std::size_t begin, std::size_t end)>& body);
 
 namespace detail {
 
@@ -171,6 +134,13 @@ class Stopwatch {
  private:
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
+
+/// Throws Error(kEnvironment) unless this thread rounds to nearest in plain double precision. A few nanoseconds; called where
+/// exact work starts, and on threads that are not ours. Flush-to-zero modes, which games like to set, are fine: only denormal
+/// coordinates would notice.
+void require_exact_arithmetic();
+/// A number in a text for people: six significant digits, 1e-09 as such, a point for the decimals whatever the locale.
+std::string number_text(double x);
 
 [[noreturn]] void assertion_failed(const char* condition, const char* file, int line);
 

@@ -8,9 +8,8 @@
 namespace amps::detail {
 
 /// How many samples a scale s of the radii makes: factor·(κ∫dA/r²/s² + (β∫ds/r − κγ∫|∇r|dA/r²)/s), the second integral along
-/// the boundary, the third over the surface again. On the unit square κ alone misses by 1.2/√n, and by 2 % at |∇r| = 0.3. What
-/// else matters, above all creases and features finer than the radii, the factor learns from the runs. It starts as on most
-/// real models: one run meets 12,000 samples by local feature size within 1 % on 38 of 47 (with κ alone on 14).
+/// the boundary, the third over the surface again. What else matters, above all creases and features finer than the radii, the
+/// factor learns from the runs; it starts as on most real models (measured: tests/bench/README.md).
 class CountModel {
  public:
   /// For a field, or radius 1 everywhere if it is empty. target ≥ 1. O(#V + #F + #pieces).

@@ -59,14 +59,14 @@ Index AliasTable::pick(Rng& rng) const noexcept {
 namespace {
 
 /// Density 1/r² where the radii, given in ascending order, differ by more than rejection of uniform points bears: these would
-/// be drawn (r_max/r_min)² times. So the triangle is cut where r is 2, 4, 8, … times the least. A band [s, 2s] is chosen by
+/// be drawn (r_max/r_min)² times. So the triangle is cut where r is 2, 4, 8, … times its minimum. A band [s, 2s] is chosen by
 /// area/s², the level line in it by area, and kept with probability (s/r)² ≥ 1/4.
 class BandedTriangle {
  public:
   explicit BandedTriangle(const std::array<double, 3>& radii) : r_(radii) {
     double weight = 1;
     for (double low = r_[0]; low < r_[2]; low *= 2, weight /= 4) {
-      const bool last = num_bands_ + 1 == kMostBands || 2 * low >= r_[2];
+      const bool last = num_bands_ + 1 == kMaxBands || 2 * low >= r_[2];
       Band& band = bands_[num_bands_++];
       band = {low, share_below(low), last ? 1.0 : share_below(2 * low), 0};
       total_ += weight * (band.share_end - band.share_begin);
@@ -88,10 +88,10 @@ class BandedTriangle {
 
  private:
   /// The last band takes all the rest: it comes up with a chance of 4^-31.
-  static constexpr std::size_t kMostBands = 32;
+  static constexpr std::size_t kMaxBands = 32;
   struct Band {
     double low;
-    double share_begin, share_end;  ///< of the triangle's area, from the corner of least radius on
+    double share_begin, share_end;  ///< of the triangle's area, from the corner of smallest radius on
     double weight_up_to;
   };
 
@@ -125,7 +125,7 @@ class BandedTriangle {
   }
 
   std::array<double, 3> r_;
-  std::array<Band, kMostBands> bands_;
+  std::array<Band, kMaxBands> bands_;
   std::size_t num_bands_ = 0;
   double total_ = 0;
 };
@@ -140,18 +140,42 @@ Vec3 density_barycentric(const std::array<double, 3>& radii, Rng& rng) {
   sort_two(0, 1);
   sort_two(1, 2);
   sort_two(0, 1);
-  const double least = radii[order[0]], greatest = radii[order[2]];
-  if (greatest <= 2 * least) {  // most pieces: every fourth point is kept, or more
+  const double min = radii[order[0]], max = radii[order[2]];
+  if (max <= 2 * min) {  // most pieces: every fourth point is kept, or more
     for (;;) {
       const Vec3 b = uniform_barycentric(rng);
       const double r = b[0] * radii[0] + b[1] * radii[1] + b[2] * radii[2];
-      if (rng.uniform() * r * r < least * least) return b;
+      if (rng.uniform() * r * r < min * min) return b;
     }
   }
-  const Vec3 sorted = BandedTriangle({least, radii[order[1]], greatest}).draw(rng);
+  const Vec3 sorted = BandedTriangle({min, radii[order[1]], max}).draw(rng);
   Vec3 b;
   for (std::size_t k = 0; k < 3; ++k) b[static_cast<int>(order[k])] = sorted[static_cast<int>(k)];
   return b;
+}
+
+namespace {
+
+std::vector<double> dart_weights(const MeshView& mesh, const WantedRadii& radii) {
+  if (radii.constant()) return facet_areas(mesh);
+  std::vector<double> result(radii.field().num_pieces());
+  for (std::size_t i = 0; i < result.size(); ++i) result[i] = radii.field().density_integral(i);
+  return result;
+}
+
+}  // namespace
+
+SurfaceDarts::SurfaceDarts(const MeshView& mesh, const WantedRadii& radii)
+    : mesh_(mesh), radii_(radii), table_(dart_weights(mesh, radii)) {}
+
+Sample SurfaceDarts::draw(Rng& rng) const {
+  const Index drawn = table_.pick(rng);
+  if (radii_.constant()) return {surface_point_at(mesh_, drawn, uniform_barycentric(rng)), radii_.min()};
+  const SizingField::Piece piece = radii_.field().piece(static_cast<std::size_t>(drawn));
+  const Vec3 b = density_barycentric(piece.radii, rng);
+  const SurfacePoint at =
+      surface_point_at(mesh_, piece.facet, b[0] * piece.corners[0] + b[1] * piece.corners[1] + b[2] * piece.corners[2]);
+  return {at, radii_.at(at)};
 }
 
 }  // namespace amps::detail

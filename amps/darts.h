@@ -1,7 +1,10 @@
-// darts.h (internal): where darts fall — a table that draws facets by weight, and points of a triangle by density.
+// darts.h (internal): where darts fall — a table that draws facets by weight, points of a triangle by density, and both
+// together: points of a surface by the density that radii ask for.
 #pragma once
 
 #include "amps/base.h"
+#include "amps/mesh.h"
+#include "amps/wanted_radii.h"
 
 #include <array>
 #include <vector>
@@ -29,5 +32,18 @@ class AliasTable {
 /// Barycentric coordinates of a random point of a triangle, of density exactly ∝ 1/r² with r > 0 linear between `radii` at its
 /// corners. Arithmetic and square roots only, so the same on every platform. O(1) expected, whatever the radii.
 Vec3 density_barycentric(const std::array<double, 3>& radii, Rng& rng);
+
+/// Samples to be, independent of each other: points of density exactly ∝ 1/r², with the radius wanted there.
+class SurfaceDarts {
+ public:
+  /// Both must outlive it. O(#F), or the pieces of the field.
+  SurfaceDarts(const MeshView& mesh, const WantedRadii& radii);
+  Sample draw(Rng& rng) const;
+
+ private:
+  const MeshView& mesh_;
+  const WantedRadii& radii_;
+  AliasTable table_;
+};
 
 }  // namespace amps::detail

@@ -25,10 +25,6 @@ namespace amps::detail {
 /// Half an ulp of 1: relative error of one rounding to nearest.
 inline constexpr double kUnitRoundoff = 0x1p-53;
 
-/// Throws Error(kEnvironment) unless this thread rounds to nearest in plain double precision. A few nanoseconds; called where
-/// exact work starts. Flush-to-zero modes, which games like to set, are fine: only denormal coordinates would notice.
-void require_exact_arithmetic();
-
 inline int sign_of(double x) noexcept { return (x > 0) - (x < 0); }
 
 /// A value and a bound of its absolute error. The bound is itself computed in floating point; the factor in `certain` and
@@ -67,7 +63,6 @@ struct Approx {
   Approx operator-() const noexcept { return {-value, error}; }
 };
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Integers of fixed width
 
 /// a·b = high·2^64 + the result, from 32-bit halves.
@@ -223,7 +218,6 @@ inline Int<3> to_limbs(const Product3& a) noexcept {
 }
 #endif
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // From doubles to integers
 
 /// A finite non-zero double as odd·2^lowest, with its highest bit.

@@ -262,9 +262,9 @@ void FragmentGap::cover_run(const Run& run) {
   if (0.5 * disk_ * angle_minus_sine(run.angle) <= run.area) return add_fan(points, size);
 
   const double cube = run.angle * run.angle * run.angle;
-  const double most = 2.0 * static_cast<double>(size - 2);
+  const double enough = 2.0 * static_cast<double>(size - 2);
   const double wanted = std::ceil(std::sqrt(disk_ * cube / (12.0 * run.area)));
-  const int chords = static_cast<int>(std::max(2.0, std::min(wanted, most)));
+  const int chords = static_cast<int>(std::max(2.0, std::min(wanted, enough)));
   const double step = run.angle / chords;
   const double cosine = std::cos(step);
   const double sine = std::sin(step);

@@ -9,6 +9,8 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/power_diagram.h"
+#include "amps/samples.h"
 
 #include <array>
 #include <cstddef>
@@ -46,6 +48,16 @@ inline bool has_gap(const FragmentView& fragment, const Ball& ball) {
     if (is_uncovered(fragment.corners[k], ball)) return true;
   }
   return false;
+}
+
+inline Ball ball_of(const WeightedPoint& site) { return {site.position(), site.w}; }
+
+inline FragmentView fragment_view(const MeshView& mesh, const RestrictedPowerDiagram::Polygon& polygon) {
+  return {polygon.corners, static_cast<std::size_t>(polygon.size), normal_of(mesh, polygon.facet)};
+}
+
+inline bool fragment_has_gap(const RestrictedPowerDiagram& diagram, const RestrictedPowerDiagram::Polygon& polygon) {
+  return has_gap({polygon.corners, static_cast<std::size_t>(polygon.size), Vec3::UnitZ()}, ball_of(diagram.site(polygon.site)));
 }
 
 /// The gap of one fragment at a time, in buffers that are kept from one to the next: no heap allocation in steady state.

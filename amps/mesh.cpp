@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/mesh.h"
 
+#include "amps/mesh_edges.h"
 #include "amps/predicates.h"
 
 #include <Eigen/Geometry>
@@ -9,17 +10,13 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <limits>
-#include <numeric>
 #include <ostream>
 #include <string>
 #include <utility>
 
 namespace amps {
 namespace {
-
-// ---- Facets and vertices by themselves ----
 
 bool facet_in_range(const MeshView& mesh, Index f) {
   const Index n = mesh.num_vertices();
@@ -127,34 +124,6 @@ std::vector<char> used_vertices(const MeshView& mesh) {
   return used;
 }
 
-// For each vertex the first one with equal coordinates. A vertex with a NaN equals none, not even itself, and stays alone.
-std::vector<Index> first_equal_vertices(const MeshView& mesh) {
-  const auto n = static_cast<std::size_t>(mesh.num_vertices());
-  std::size_t capacity = 16;
-  while (capacity < 2 * n) capacity *= 2;
-  std::vector<Index> table(capacity, kNone);
-  std::vector<Index> first(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto v = static_cast<Index>(i);
-    first[i] = v;
-    const Vec3 p = mesh.vertices.row(v).transpose();
-    if (p.hasNaN()) continue;
-    std::uint64_t hash = 0;
-    for (int k = 0; k < 3; ++k) {
-      const double x = p(k) + 0.0;  // −0 + 0 = +0: equal numbers have equal bits
-      std::uint64_t bits = 0;
-      std::memcpy(&bits, &x, sizeof bits);
-      hash = (hash ^ bits) * 0x9e3779b97f4a7c15u;
-      hash ^= hash >> 32;
-    }
-    std::size_t slot = hash & (capacity - 1);
-    while (table[slot] != kNone && mesh.vertices.row(table[slot]) != mesh.vertices.row(v)) slot = (slot + 1) & (capacity - 1);
-    if (table[slot] == kNone) table[slot] = v;
-    first[i] = table[slot];
-  }
-  return first;
-}
-
 // Keeps the vertices i with keep[i] == i, in order; facets go through `keep`.
 Mesh renumbered(const MeshView& mesh, const std::vector<Index>& keep) {
   std::vector<Index> number(keep.size(), kNone);
@@ -175,73 +144,6 @@ Mesh renumbered(const MeshView& mesh, const std::vector<Index>& keep) {
     }
   }
   return result;
-}
-
-// ---- Topology ----
-
-class MeshUnionFind {
- public:
-  explicit MeshUnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), std::size_t{0}); }
-  std::size_t find(std::size_t x) {
-    while (parent_[x] != x) x = parent_[x] = parent_[parent_[x]];
-    return x;
-  }
-  void join(std::size_t a, std::size_t b) {
-    a = find(a);
-    b = find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::size_t> parent_;
-};
-
-// One side of a facet, as the undirected edge (low, high); corner 3f + k starts the side from corner k to k + 1.
-struct FacetSide {
-  Index high;
-  std::size_t corner;
-};
-
-// All sides of the facets whose indices are in range and distinct, those of one undirected edge together: by their low vertex
-// in `begin[low] … begin[low + 1]` (a counting sort), then by high vertex and facet.
-struct SortedSides {
-  std::vector<std::size_t> begin;
-  std::vector<FacetSide> sides;
-};
-
-SortedSides sorted_sides(const MeshView& mesh, const std::vector<char>& counted) {
-  SortedSides result;
-  result.begin.assign(static_cast<std::size_t>(mesh.num_vertices()) + 1, 0);
-  const auto for_each_side = [&](auto&& body) {
-    for (Index f = 0; f < mesh.num_facets(); ++f) {
-      if (counted[static_cast<std::size_t>(f)] == 0) continue;
-      for (int k = 0; k < 3; ++k) {
-        const Index a = mesh.triangles(f, k), b = mesh.triangles(f, (k + 1) % 3);
-        body(static_cast<std::size_t>(std::min(a, b)), std::max(a, b),
-             3 * static_cast<std::size_t>(f) + static_cast<std::size_t>(k));
-      }
-    }
-  };
-  for_each_side([&](std::size_t low, Index, std::size_t) { ++result.begin[low + 1]; });
-  std::partial_sum(result.begin.begin(), result.begin.end(), result.begin.begin());
-  result.sides.resize(result.begin.back());
-  std::vector<std::size_t> next(result.begin.begin(), result.begin.end() - 1);
-  for_each_side([&](std::size_t low, Index high, std::size_t corner) { result.sides[next[low]++] = {high, corner}; });
-  for (std::size_t v = 0; v + 1 < result.begin.size(); ++v) {
-    std::sort(result.sides.begin() + static_cast<std::ptrdiff_t>(result.begin[v]),
-              result.sides.begin() + static_cast<std::ptrdiff_t>(result.begin[v + 1]),
-              [](const FacetSide& a, const FacetSide& b) { return a.high != b.high ? a.high < b.high : a.corner < b.corner; });
-  }
-  return result;
-}
-
-std::size_t next_corner(std::size_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; }
-
-// Number of distinct roots among the elements with flag set.
-Index count_roots(MeshUnionFind& sets, const std::vector<char>& member) {
-  Index count = 0;
-  for (std::size_t i = 0; i < member.size(); ++i) count += member[i] != 0 && sets.find(i) == i ? 1 : 0;
-  return count;
 }
 
 }  // namespace
@@ -310,8 +212,36 @@ Mesh remove_isolated_vertices(const MeshView& mesh) {
 
 Mesh merge_equal_vertices(const MeshView& mesh) {
   require_indices(mesh);
-  return renumbered(mesh, first_equal_vertices(mesh));
+  return renumbered(mesh, detail::first_equal_vertices(mesh));
 }
+
+namespace {
+
+// Edges by the number and orientation of their facets.
+void count_edges(const detail::MeshEdges& edges, TopologyReport& report) {
+  report.edges = static_cast<Index>(edges.size());
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    const detail::MeshEdge edge = edges[e];
+    report.boundary_edges += edge.boundary() ? 1 : 0;
+    report.non_manifold_edges += edge.non_manifold() ? 1 : 0;
+    report.inconsistent_edges += edge.size() == 2 && !edge.regular() ? 1 : 0;
+  }
+}
+
+// The closed curves of the boundary graph, with each vertex split into its fans.
+Index count_boundary_loops(const detail::MeshEdges& edges, const std::vector<std::size_t>& fans) {
+  detail::UnionFind boundary(fans.size());
+  std::vector<char> on_boundary(fans.size(), 0);
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    if (!edges[e].boundary()) continue;
+    const std::size_t a = fans[edges[e][0].low_corner()], b = fans[edges[e][0].high_corner()];
+    on_boundary[a] = on_boundary[b] = 1;
+    boundary.join(a, b);
+  }
+  return static_cast<Index>(boundary.count(on_boundary));
+}
+
+}  // namespace
 
 TopologyReport topology(const MeshView& mesh) {
   require_index_sizes(mesh);
@@ -319,7 +249,7 @@ TopologyReport topology(const MeshView& mesh) {
   TopologyReport report;
   std::vector<char> counted(static_cast<std::size_t>(mesh.num_facets()), 0);
   std::vector<char> used(num_vertices, 0);
-  MeshUnionFind surface(num_vertices);
+  detail::UnionFind surface(num_vertices);
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     if (!facet_in_range(mesh, f) || facet_has_repeated_index(mesh, f)) continue;
     counted[static_cast<std::size_t>(f)] = 1;
@@ -330,60 +260,22 @@ TopologyReport topology(const MeshView& mesh) {
     }
   }
   report.vertices = static_cast<Index>(std::count(used.begin(), used.end(), char{1}));
-  report.components = count_roots(surface, used);
+  report.components = static_cast<Index>(surface.count(used));
 
-  // Corners of one vertex are joined across the edges they share: one set per fan. (Where three or more facets meet at an edge
-  // they are joined too; the vertices of such an edge are not asked for their fans.)
-  const SortedSides sorted = sorted_sides(mesh, counted);
-  const auto start_of = [&](std::size_t corner) {
-    return static_cast<std::size_t>(mesh.triangles(static_cast<Index>(corner / 3), static_cast<int>(corner % 3)));
-  };
-  MeshUnionFind fans(3 * counted.size());
-  std::vector<std::size_t> boundary_sides;
-  std::vector<char> on_non_manifold_edge(num_vertices, 0);
-  for (std::size_t low = 0; low < num_vertices; ++low) {
-    for (std::size_t i = sorted.begin[low], j = i; i < sorted.begin[low + 1]; i = j) {
-      const auto high = static_cast<std::size_t>(sorted.sides[i].high);
-      const std::size_t first = sorted.sides[i].corner;
-      for (; j < sorted.begin[low + 1] && sorted.sides[j].high == sorted.sides[i].high; ++j) {
-        const std::size_t other = sorted.sides[j].corner;
-        const bool same_direction = start_of(first) == start_of(other);
-        fans.join(first, same_direction ? other : next_corner(other));
-        fans.join(next_corner(first), same_direction ? next_corner(other) : other);
-      }
-      ++report.edges;
-      if (j - i == 1) {
-        boundary_sides.push_back(first);
-      } else if (j - i == 2) {
-        report.inconsistent_edges += start_of(first) == start_of(sorted.sides[i + 1].corner) ? 1 : 0;
-      } else {
-        ++report.non_manifold_edges;
-        on_non_manifold_edge[low] = on_non_manifold_edge[high] = 1;
-      }
-    }
-  }
+  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted);
+  count_edges(edges, report);
   report.euler_characteristic = report.vertices - report.edges + report.facets;
 
-  // The boundary graph, with each vertex split into its fans.
-  MeshUnionFind boundary(3 * counted.size());
-  std::vector<char> on_boundary(3 * counted.size(), 0);
-  for (const std::size_t side : boundary_sides) {
-    const std::size_t a = fans.find(side), b = fans.find(next_corner(side));
-    on_boundary[a] = on_boundary[b] = 1;
-    boundary.join(a, b);
-  }
-  report.boundary_edges = static_cast<Index>(boundary_sides.size());
-  report.boundary_loops = count_roots(boundary, on_boundary);
+  const std::vector<std::size_t> fans = detail::corner_fans(edges);
+  report.boundary_loops = count_boundary_loops(edges, fans);
 
-  std::vector<char> fans_at(num_vertices, 0);  // 0, 1, 2: none, one, more
-  for (std::size_t corner = 0; corner < 3 * counted.size(); ++corner) {
-    if (counted[corner / 3] == 0 || fans.find(corner) != corner) continue;
-    char& count = fans_at[start_of(corner)];
-    if (count < 2) ++count;
+  // Where three or more facets meet at an edge, their corners are in one fan; vertices of such edges are not asked for theirs.
+  std::vector<Index> fans_at = detail::fans_at_vertices(mesh.triangles, mesh.num_vertices(), fans, counted);
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    if (edges[e].non_manifold()) fans_at[detail::slot(edges[e].low)] = fans_at[detail::slot(edges[e].high)] = 1;
   }
-  for (std::size_t v = 0; v < num_vertices; ++v) {
-    report.non_manifold_vertices += fans_at[v] == 2 && on_non_manifold_edge[v] == 0 ? 1 : 0;
-  }
+  report.non_manifold_vertices =
+      static_cast<Index>(std::count_if(fans_at.begin(), fans_at.end(), [](Index n) { return n > 1; }));
   return report;
 }
 
@@ -395,7 +287,7 @@ MeshReport check(const MeshView& mesh) {
   const std::vector<char> used = used_vertices(mesh);
   report.isolated_vertices = static_cast<Index>(std::count(used.begin(), used.end(), char{0}));
   for (Index v = 0; v < report.vertices; ++v) report.non_finite_vertices += vertex_is_finite(mesh, v) ? 0 : 1;
-  const std::vector<Index> first = first_equal_vertices(mesh);
+  const std::vector<Index> first = detail::first_equal_vertices(mesh);
   for (std::size_t v = 0; v < first.size(); ++v) report.duplicate_vertices += first[v] == static_cast<Index>(v) ? 0 : 1;
   CompensatedSum area;
   bool box_started = false;

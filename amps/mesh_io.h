@@ -8,7 +8,7 @@
 
 #include "amps/base.h"
 #include "amps/mesh.h"
-#include "amps/sampling.h"
+#include "amps/samples.h"
 
 #include <filesystem>
 #include <iosfwd>

@@ -1,7 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/optimize.h"
 
-#include "amps/fragment_gaps.h"
+#include "amps/gaps.h"
+#include "amps/maximality.h"
 #include "amps/predicates.h"
 #include "amps/refill.h"
 #include "amps/voxel_grid.h"
@@ -436,7 +437,7 @@ class Optimizer {
     }
     for (const Index s : added_) {
       if (set_.at[slot(s)].facet != kNone && set_.at[slot(s)].barycentric.isZero(0)) {
-        set_.at[slot(s)] = surface_point(diagram_.mesh(), set_.at[slot(s)].facet, diagram_.site(s).position());
+        set_.at[slot(s)] = surface_point_below(diagram_.mesh(), set_.at[slot(s)].facet, diagram_.site(s).position());
       }
     }
   }
@@ -445,7 +446,7 @@ class Optimizer {
   bool is_apart(const std::vector<NewSample>& samples) const {
     for (std::size_t k = 0; k < samples.size(); ++k) {
       const NewSample& p = samples[k];
-      if (grid_.conflicting_sample_by_max(p.x, p.radius) != kNone) return false;
+      if (grid_.conflicting_sample(p.x, p.radius, ConflictRule::kMax) != kNone) return false;
       for (std::size_t j = 0; j < k; ++j) {
         const double r = std::max(p.radius, samples[j].radius);
         if (side_of_ball(p.x.data(), samples[j].x.data(), r * r) < 0) return false;
@@ -582,10 +583,10 @@ class Optimizer {
     const Index near = polygon.site;
     for (int dart = 0; dart < kRefillDarts; ++dart) {
       NewSample sample;
-      sample.at = surface_point(diagram_.mesh(), polygon.facet, gap_.sample(rng_));
+      sample.at = surface_point_below(diagram_.mesh(), polygon.facet, gap_.sample(rng_));
       sample.x = position_of(diagram_.mesh(), sample.at);
       if (!sample.x.allFinite()) continue;
-      if (grid_.conflicting_sample_by_max(sample.x, 0) != kNone) continue;
+      if (grid_.conflicting_sample(sample.x, 0, ConflictRule::kMax) != kNone) continue;
       sample.radius = radii_.field.empty() ? radii_.least : radii_.at(sample.at);
       if (!radii_.field.empty())
         sample.radius = radius_below(sample.radius, grid_.nearest_squared_distance(sample.x, sample.radius));

@@ -10,6 +10,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
 #include "amps/sampling.h"

@@ -7,19 +7,6 @@
 namespace amps {
 namespace detail {
 
-void require_exact_arithmetic() {
-  // volatile: the compiler must not evaluate these with its own arithmetic.
-  volatile double one = 1.0, half_ulp = 0x1p-53, more = 0x1.8p-53;
-  volatile double down = one + half_ulp;  // tie: to even, that is to 1
-  volatile double up = one + more;        // above the tie: away
-  volatile double minus = -one - more;
-  if (down != 1.0 || up != 1.0 + 0x1p-52 || minus != -(1.0 + 0x1p-52)) {
-    throw Error(ErrorCode::kEnvironment,
-                "amps: floating-point arithmetic of this thread does not round to nearest in double precision; restore it with "
-                "fesetround(FE_TONEAREST), and compile for SSE2 or another unit without extended precision");
-  }
-}
-
 StaticBounds StaticBounds::for_set(const Vec3& extent, double weight_range, int unit) noexcept {
   StaticBounds bounds;
   // In multiples of the unit, all intermediate values are integers of at most the sum of the monomials' magnitudes: 6 of them
@@ -40,6 +27,10 @@ StaticBounds StaticBounds::for_set(const Vec3& extent, double weight_range, int 
 }
 
 namespace {
+
+void count_stage(OptionalTally tally, Stage stage) noexcept {
+  if (tally != nullptr) tally->count(stage);
+}
 
 /// Runs `body` with the narrowest width that holds the scaled input: body(std::integral_constant<int, limbs>) → sign.
 template <class Body>
@@ -225,15 +216,18 @@ using detail::Approx;
 using detail::ExactScale;
 using detail::Int;
 
-int side_of_ball(const double* x, const double* p, double w) noexcept {
+int side_of_ball(const double* x, const double* p, double w, OptionalTally tally) noexcept {
   const Approx dx = Approx(x[0]) - Approx(p[0]), dy = Approx(x[1]) - Approx(p[1]), dz = Approx(x[2]) - Approx(p[2]);
-  if (const int sign = (dx * dx + dy * dy + dz * dz - Approx(w)).certain_sign()) return sign;
+  if (const int sign = (dx * dx + dy * dy + dz * dz - Approx(w)).certain_sign()) {
+    detail::count_stage(tally, Stage::kFilter);
+    return sign;
+  }
   ExactScale scale;
   detail::include_position(scale, x);
   detail::include_position(scale, p);
   scale.weight(w);
   Stage stage;
-  return detail::with_exact_width(scale, stage, [&](auto width) {
+  const int sign = detail::with_exact_width(scale, stage, [&](auto width) {
     constexpr int N = decltype(width)::value;
     const int unit = scale.unit();
     const auto square = [&](int k) {
@@ -242,6 +236,8 @@ int side_of_ball(const double* x, const double* p, double w) noexcept {
     };
     return (square(0) + square(1) + square(2) - detail::to_int<2 * N>(w, 2 * unit)).sign();
   });
+  detail::count_stage(tally, stage);
+  return sign;
 }
 
 bool collinear(const double* a, const double* b, const double* c) noexcept {
@@ -269,8 +265,6 @@ bool collinear(const double* a, const double* b, const double* c) noexcept {
     return minor_sign(0, 1) == 0 && minor_sign(1, 2) == 0 && minor_sign(2, 0) == 0;
   });
 }
-
-// ---------------------------------------------------------------------------------------------------------------------------
 
 Bisector::Bisector(const WeightedPoint& i, const WeightedPoint& j, const double* const corners[3]) noexcept
     : owner(&i), other(&j) {
@@ -343,10 +337,6 @@ int decide_by_dominance(const std::array<const WeightedPoint*, K>& sites, const 
     if (const int sign = coefficient_sign[static_cast<std::size_t>(k)]) return sign;
   }
   return 1;
-}
-
-void count_stage(OptionalTally tally, Stage stage) noexcept {
-  if (tally != nullptr) tally->count(stage);
 }
 
 }  // namespace
@@ -447,8 +437,6 @@ int side_of_facet_crossing(const double* const corners[3], const Bisector& j, co
   return sign * sum_sign;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
-
 namespace detail {
 namespace {
 
@@ -518,6 +506,96 @@ Vec3 facet_crossing_coordinates(const double* const corners[3], const WeightedPo
     return {detail::clamp01(detail::ratio(lambda.at[0], sum)), detail::clamp01(detail::ratio(lambda.at[1], sum)),
             detail::clamp01(detail::ratio(lambda.at[2], sum))};
   });
+}
+
+namespace detail {
+namespace {
+
+/// (Σλ)²·(|v − p|² − w) at v = Σ λ_c·x_c / Σλ, where relative[c] = x_c − p: the sign of the power at v. Differences to the
+/// centre come first, so that the error is relative to the facet's size, and not to its distance from the origin.
+/// Width: let coordinates be below 2^b, b = 64·N − 6 (usable_bits), weights below 2^(2b). Then |relative| < 2^(b+1), and
+/// bisector values are below 3·2^(2b+3) + 2^(2b+1) < 2^(2b+5), which 2·N limbs hold. Edge: λ are bisector values, Σλ <
+/// 2^(2b+6), Σ λ·relative < 2^(3b+7), both summands of the result below 3·2^(6b+14) < 2^(6b+16): 6·N limbs hold it. Facet: λ <
+/// 2^(4b+11), Σλ < 2^(4b+13), Σ λ·relative < 3·2^(5b+12) < 2^(5b+14), the result below 3·2^(10b+28) + 2^(10b+26) < 2^(10b+30):
+/// 10·N limbs have 10·b + 59 bits beside the sign.
+template <std::size_t K, class L, class X, class W>
+auto scaled_power(const L (&lambda)[K], const X (&relative)[K][3], const W& w) noexcept {
+  const auto squared_coordinate = [&](int k) {
+    auto sum = lambda[0] * relative[0][k];
+    for (std::size_t c = 1; c < K; ++c) sum = sum + lambda[c] * relative[c][k];
+    return sum * sum;
+  };
+  auto denominator = lambda[0];
+  for (std::size_t c = 1; c < K; ++c) denominator = denominator + lambda[c];
+  return (squared_coordinate(0) + squared_coordinate(1) + squared_coordinate(2)) - w * (denominator * denominator);
+}
+
+/// corners[c] − p for the first K corners, in the number type that `convert` makes of a double.
+template <std::size_t K, class T, class Convert>
+void subtract_centre(const double* const corners[3], const WeightedPoint& p, Convert&& convert, T (&relative)[K][3]) noexcept {
+  const T centre[3] = {convert(p.x), convert(p.y), convert(p.z)};
+  for (std::size_t c = 0; c < K; ++c) {
+    for (int k = 0; k < 3; ++k) relative[c][k] = convert(corners[c][k]) - centre[k];
+  }
+}
+
+/// The filter, with λ from approximate bisector values. The expression is some 40 operations deep.
+template <std::size_t K>
+int approximate_power_sign(const Approx (&lambda)[K], const double* const corners[3], const WeightedPoint& owner) noexcept {
+  Approx relative[K][3];
+  subtract_centre(
+      corners, owner, [](double x) { return Approx(x); }, relative);
+  return scaled_power(lambda, relative, Approx(owner.w)).certain_sign();
+}
+
+template <int N, std::size_t K, class L>
+int exact_power_sign(const L (&lambda)[K], const double* const corners[3], const WeightedPoint& owner, int unit) noexcept {
+  Int<N> relative[K][3];
+  subtract_centre(
+      corners, owner, [unit](double x) { return to_int<N>(x, unit); }, relative);
+  return scaled_power(lambda, relative, to_int<2 * N>(owner.w, 2 * unit)).sign();
+}
+
+}  // namespace
+}  // namespace detail
+
+int power_at_edge_crossing(const double* const corners[3], int u, int v, const Bisector& j, OptionalTally tally) noexcept {
+  const WeightedPoint& owner = *j.owner;
+  const double* const ends[3] = {corners[u], corners[v], corners[v]};
+  const Approx approximate[2] = {-j.at_corner[static_cast<std::size_t>(v)], j.at_corner[static_cast<std::size_t>(u)]};
+  Stage stage = Stage::kFilter;
+  int sign = detail::approximate_power_sign(approximate, ends, owner);
+  if (sign == 0) {
+    const ExactScale scale = detail::facet_scale(ends, {j.owner, j.other});
+    sign = detail::with_exact_width(scale, stage, [&](auto width) {
+      constexpr int N = decltype(width)::value;
+      const detail::ExactBisector<N> d(owner, *j.other, ends, scale.unit());
+      const Int<2 * N> lambda[2] = {-d.at_corner[1], d.at_corner[0]};
+      return detail::exact_power_sign<N>(lambda, ends, owner, scale.unit());
+    });
+  }
+  detail::count_stage(tally, stage);
+  return sign;
+}
+
+int power_at_facet_crossing(const double* const corners[3], const Bisector& j, const Bisector& l,
+                            OptionalTally tally) noexcept {
+  const WeightedPoint& owner = *j.owner;
+  const detail::CrossProduct<Approx> approximate(j.at_corner.data(), l.at_corner.data());
+  Stage stage = Stage::kFilter;
+  int sign = detail::approximate_power_sign(approximate.at, corners, owner);
+  if (sign == 0) {
+    const ExactScale scale = detail::facet_scale(corners, {j.owner, j.other, l.other});
+    sign = detail::with_exact_width(scale, stage, [&](auto width) {
+      constexpr int N = decltype(width)::value;
+      const detail::ExactBisector<N> dj(owner, *j.other, corners, scale.unit());
+      const detail::ExactBisector<N> dl(owner, *l.other, corners, scale.unit());
+      const detail::CrossProduct<Int<2 * N>> lambda(dj.at_corner, dl.at_corner);
+      return detail::exact_power_sign<N>(lambda.at, corners, owner, scale.unit());
+    });
+  }
+  detail::count_stage(tally, stage);
+  return sign;
 }
 
 }  // namespace amps

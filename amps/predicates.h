@@ -1,4 +1,4 @@
-// predicates.h: the exact decisions of amps — orientation, power test, side of a bisector, side of a ball.
+// predicates.h: the exact decisions of amps — orientation, power test, side of a bisector, side of a ball, coverage.
 //
 // Every predicate goes through the same stages and returns the sign of its polynomial for the doubles as given:
 //   static    two comparisons with a bound that holds for a whole point set (only where the caller has one);
@@ -286,13 +286,15 @@ int power_test(const WeightedPoint& p0, const WeightedPoint& p1, const WeightedP
   return sign;
 }
 
+/// Which stage decided, counted; null: not counted.
+using OptionalTally = StageTally*;
+
 /// Sign of |x − p|² − w: +1 outside the ball, 0 on it, −1 inside. Positions are arrays of three doubles.
-int side_of_ball(const double* x, const double* p, double w) noexcept;
+int side_of_ball(const double* x, const double* p, double w, OptionalTally tally = nullptr) noexcept;
 
 /// True if the three points lie exactly on one line (or coincide).
 bool collinear(const double* a, const double* b, const double* c) noexcept;
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Sides of bisectors: restricted clipping
 //
 // For a facet (a, b, c), an owner i and another site j, let D_j(x) = |x − p_j|² − w_j − |x − p_i|² + w_i: affine in x, ≥ 0
@@ -323,9 +325,6 @@ struct Bisector {
   Bisector(const WeightedPoint& owner, const WeightedPoint& other, const double* const corners[3]) noexcept;
 };
 
-/// Which stage decided, counted; null: not counted.
-using OptionalTally = StageTally*;
-
 /// Is corner v on the owner's side of bisector k? +1 yes, −1 no; never 0.
 int side_of_corner(const double* const corners[3], int v, const Bisector& k, OptionalTally tally = nullptr) noexcept;
 
@@ -345,5 +344,69 @@ int side_of_facet_crossing(const double* const corners[3], const Bisector& j, co
 std::array<double, 2> edge_crossing_coordinates(const double* const corners[3], int u, int v, const Bisector& j) noexcept;
 Vec3 facet_crossing_coordinates(const double* const corners[3], const WeightedPoint& i, const WeightedPoint& j,
                                 const WeightedPoint& l) noexcept;
+
+// Coverage: the power of the owner at the vertices of its fragments
+//
+// pow_i(v) = |v − p_i|² − w_i at a vertex v of a facet clipped by bisectors: +1 uncovered by the owner's ball, 0 on its sphere,
+// −1 inside. Balls are closed: 0 is covered. There is no symbolic stage, because none is needed. The perturbation of weights
+// moves v, but leaves the denominators of its coordinates alone, and they are not 0: as the ε tend to 0, v tends to the exact
+// intersection of the unperturbed bisectors, and a fragment to the convex hull of these limits. That hull lies in the owner's
+// unperturbed closed cell, and the hulls of a facet's fragments cover it. Therefore:
+//   1. A facet is covered by the closed balls iff no vertex of its fragments is uncovered by its owner's. (If all are covered,
+//      so is each hull, since balls are convex. If one is not, no other ball has it either: its owner is nearest in power.)
+//   2. All owners of fragments that meet in v agree on the sign, in ties too: pow_i(v) = pow_j(v) on the bisector (i, j).
+//   3. The sign does not depend on the order of u and v, of j and l, or of the corners.
+
+/// At corner v of the facet.
+inline int power_at_corner(const double* const corners[3], int v, const WeightedPoint& owner,
+                           OptionalTally tally = nullptr) noexcept {
+  const double centre[3] = {owner.x, owner.y, owner.z};
+  return side_of_ball(corners[v], centre, owner.w, tally);
+}
+
+/// At the intersection of edge (u, v) with bisector j, whose owner is meant. The edge must cross j (the sides of its ends
+/// differ).
+int power_at_edge_crossing(const double* const corners[3], int u, int v, const Bisector& j,
+                           OptionalTally tally = nullptr) noexcept;
+
+/// At the intersection of bisectors j and l in the facet's plane. j and l must intersect in a vertex of the clipped facet, and
+/// have one owner, who is meant.
+int power_at_facet_crossing(const double* const corners[3], const Bisector& j, const Bisector& l,
+                            OptionalTally tally = nullptr) noexcept;
+
+namespace detail {
+
+/// The power of one owner at vertices whose computed coordinates are known to an error, for the many that are far from its
+/// sphere: one squared distance and two comparisons.
+class PowerFilter {
+ public:
+  /// `error`: bound of the error of each coordinate of the points asked for.
+  ///
+  /// Let r² = w and δ = √3·error. A point of the closed ball is computed within r + δ of the centre, one that is not inside no
+  /// nearer than r − δ, and 2rδ ≤ t·w + δ²/t for any t > 0, so that no root is needed:
+  ///   (r + δ)² ≤ (1 + t)·w + (1 + 1/t)·δ²,   (r − δ)² ≥ (1 − t)·w − δ²/t.
+  /// A fixed t will do: where δ is below t·r, few vertices in 2^28 fall between the thresholds. Roundings, of the squared
+  /// distance (5 units of 2^-53) and here (4), are far below t; twice each term covers them, and kTiny underflow, gradual or
+  /// flushed to zero. A negative weight makes every point outside, whatever the thresholds.
+  PowerFilter(const WeightedPoint& owner, double error) noexcept : x_(owner.x), y_(owner.y), z_(owner.z) {
+    constexpr double t = 0x1p-30;
+    const double position = ((6 / t) * error) * error + 2 * Approx::kTiny;
+    outside_ = owner.w * (1 + 2 * t) + position;
+    inside_ = owner.w * (1 - 2 * t) - position;
+  }
+
+  /// As power_at_*, where x is farther from the sphere than all errors, else 0. NaN and infinity give 0 or the truth.
+  int side(const Vec3& x) const noexcept {
+    const double dx = x.x() - x_, dy = x.y() - y_, dz = x.z() - z_;
+    const double squared = dx * dx + dy * dy + dz * dz;
+    return (squared > outside_) - (squared < inside_);
+  }
+
+ private:
+  double x_, y_, z_;
+  double outside_, inside_;  ///< squared distances above the one are outside, below the other inside
+};
+
+}  // namespace detail
 
 }  // namespace amps

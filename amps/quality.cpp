@@ -1,7 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/quality.h"
 
-#include "amps/exact.h"
+#include "amps/mesh_edges.h"
+#include "amps/portable_math.h"
 
 #include <Eigen/Geometry>
 
@@ -34,15 +35,14 @@ FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
     lengths[k] = edges[k].norm();
   }
   const int longest = static_cast<int>(std::max_element(lengths, lengths + 3) - lengths);
-  // Twice the area, from the two shorter edges: its error is relative to their product, the least of the three choices.
+  // Twice the area, from the two shorter edges: its error is relative to their product, the smallest of the three.
   const double twice_area = edges[(longest + 1) % 3].cross(edges[(longest + 2) % 3]).norm();
   if (!(twice_area > 0)) return {0, 0, 180, true, 0};
 
-  constexpr double kToDegrees = 180 / 3.14159265358979323846;
   FacetShape shape{twice_area / 2, 180, 0, false, 0};
   for (int k = 0; k < 3; ++k) {
     const double dot = -edges[(k + 1) % 3].dot(edges[(k + 2) % 3]);  // one of the two leads to the corner, one away from it
-    const double angle = std::atan2(twice_area, dot) * kToDegrees;
+    const double angle = detail::to_degrees(std::atan2(twice_area, dot));
     shape.smallest_angle = std::min(shape.smallest_angle, angle);
     shape.largest_angle = std::max(shape.largest_angle, angle);
     shape.obtuse |= dot < 0;
@@ -90,48 +90,25 @@ void measure_facets(const MeshView& mesh, QualityReport& report) {
   report.area_ratio = largest_area > 0 ? smallest_area / largest_area : 0;
 }
 
-/// Distinct edges, bucketed by their smaller vertex: linear but for the sorting within a bucket.
 void measure_edges(const MeshView& mesh, QualityReport& report) {
-  const auto num_vertices = static_cast<std::size_t>(mesh.num_vertices());
-  std::vector<std::size_t> start(num_vertices + 1, 0);
-  const auto for_each_side = [&mesh](const auto& body) {
-    for (Index f = 0; f < mesh.num_facets(); ++f) {
-      if (quality_skips(mesh.triangles, f)) continue;
-      for (int k = 0; k < 3; ++k) {
-        const Index a = mesh.triangles(f, k);
-        const Index b = mesh.triangles(f, (k + 1) % 3);
-        body(static_cast<std::size_t>(std::min(a, b)), std::max(a, b));
-      }
-    }
-  };
-  for_each_side([&](std::size_t low, Index) { ++start[low + 1]; });
-  for (std::size_t v = 0; v < num_vertices; ++v) start[v + 1] += start[v];
-  std::vector<Index> other(start[num_vertices]);
-  std::vector<std::size_t> fill(start.begin(), start.end() - 1);
-  for_each_side([&](std::size_t low, Index high) { other[fill[low]++] = high; });
-
+  std::vector<char> counted(detail::slot(mesh.num_facets()));
+  for (Index f = 0; f < mesh.num_facets(); ++f) counted[detail::slot(f)] = quality_skips(mesh.triangles, f) ? 0 : 1;
+  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted);
+  const auto num_vertices = detail::slot(mesh.num_vertices());
   std::vector<Index> degree(num_vertices, 0);
   std::vector<char> on_boundary(num_vertices, 0);
-  std::size_t edges = 0;
-  for (std::size_t low = 0; low < num_vertices; ++low) {
-    const auto begin = other.begin() + static_cast<std::ptrdiff_t>(start[low]);
-    const auto end = other.begin() + static_cast<std::ptrdiff_t>(start[low + 1]);
-    std::sort(begin, end);
-    for (auto run = begin; run != end;) {
-      const Index high = *run;
-      const auto run_end = std::upper_bound(run, end, high);
-      const double length = (mesh.vertices.row(static_cast<Index>(low)) - mesh.vertices.row(high)).norm();
-      report.min_edge = edges == 0 ? length : std::min(report.min_edge, length);
-      report.max_edge = std::max(report.max_edge, length);
-      report.mean_edge += length;
-      ++edges;
-      ++degree[low];
-      ++degree[static_cast<std::size_t>(high)];
-      if (run_end - run == 1) on_boundary[low] = on_boundary[static_cast<std::size_t>(high)] = 1;
-      run = run_end;
-    }
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    const detail::MeshEdge edge = edges[e];
+    const std::size_t low = detail::slot(edge.low), high = detail::slot(edge.high);
+    const double length = (mesh.vertices.row(edge.low) - mesh.vertices.row(edge.high)).norm();
+    report.min_edge = e == 0 ? length : std::min(report.min_edge, length);
+    report.max_edge = std::max(report.max_edge, length);
+    report.mean_edge += length;
+    ++degree[low];
+    ++degree[high];
+    if (edge.boundary()) on_boundary[low] = on_boundary[high] = 1;
   }
-  if (edges > 0) report.mean_edge /= static_cast<double>(edges);
+  if (edges.size() > 0) report.mean_edge /= static_cast<double>(edges.size());
 
   Index good = 0;
   for (std::size_t v = 0; v < num_vertices; ++v) {

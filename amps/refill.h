@@ -3,11 +3,13 @@
 #pragma once
 
 #include "amps/base.h"
-#include "amps/fragment_gaps.h"
+#include "amps/gaps.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
+#include "amps/samples.h"
 #include "amps/sizing.h"
 #include "amps/trial_patch.h"
+#include "amps/wanted_radii.h"
 
 #include <algorithm>
 #include <array>
@@ -367,7 +369,7 @@ class RefillFinder {
         sample.radius = radii_.least;
         if (nearest < sample.radius * sample.radius) continue;
       } else {
-        sample.at = surface_point(diagram_.mesh(), piece.facet, sample.x);
+        sample.at = surface_point_below(diagram_.mesh(), piece.facet, sample.x);
         sample.radius = radius_below(radii_.at(sample.at), nearest);
       }
       pool_.push_back(sample);

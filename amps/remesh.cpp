@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/remesh.h"
 
+#include "amps/mesh_edges.h"
 #include "amps/power_diagram.h"
 
 #include <algorithm>
@@ -12,13 +13,6 @@
 namespace amps {
 namespace detail {
 namespace {
-
-/// One side of a triangle, keyed by its undirected edge.
-struct HalfEdge {
-  std::uint64_t edge;
-  Index triangle;
-  bool forward;  ///< from the lower to the higher index
-};
 
 /// Dual triangles, each triple of sites once (the first met, in the order of fragments).
 Triangles unique_triples(const Triangles& triangles) {
@@ -43,39 +37,23 @@ Triangles unique_triples(const Triangles& triangles) {
   return result.topRows(kept);
 }
 
-std::vector<HalfEdge> sorted_half_edges(const Triangles& triangles) {
-  std::vector<HalfEdge> half_edges;
-  half_edges.reserve(static_cast<std::size_t>(3 * triangles.rows()));
-  for (Index t = 0; t < triangles.rows(); ++t) {
-    for (int e = 0; e < 3; ++e) {
-      const Index a = triangles(t, e), b = triangles(t, (e + 1) % 3);
-      const auto low = static_cast<std::uint64_t>(std::min(a, b)), high = static_cast<std::uint64_t>(std::max(a, b));
-      half_edges.push_back({low << 32 | high, t, a < b});
-    }
-  }
-  std::sort(half_edges.begin(), half_edges.end(),
-            [](const HalfEdge& a, const HalfEdge& b) { return a.edge != b.edge ? a.edge < b.edge : a.triangle < b.triangle; });
-  return half_edges;
-}
-
 /// Flips triangles so that manifold edges are traversed once in each direction, as far as the surface is orientable; per
 /// component (across manifold edges) the majority of the given orientations stays.
-void orient_consistently(Triangles& triangles) {
+void orient_consistently(Triangles& triangles, Index num_vertices) {
   struct Link {
     Index triangle;
     bool same;  ///< both traverse the edge in opposite directions already
   };
-  const std::vector<HalfEdge> half_edges = sorted_half_edges(triangles);
   const std::size_t n = static_cast<std::size_t>(triangles.rows());
   std::vector<std::array<Link, 3>> links(n, {Link{kNone, true}, Link{kNone, true}, Link{kNone, true}});
   std::vector<std::uint8_t> link_count(n, 0);
-  for (std::size_t first = 0, last; first < half_edges.size(); first = last) {
-    for (last = first + 1; last < half_edges.size() && half_edges[last].edge == half_edges[first].edge;) ++last;
-    if (last - first != 2) continue;
-    const HalfEdge &a = half_edges[first], &b = half_edges[first + 1];
-    const auto ta = static_cast<std::size_t>(a.triangle), tb = static_cast<std::size_t>(b.triangle);
-    links[ta][link_count[ta]++] = {b.triangle, a.forward != b.forward};
-    links[tb][link_count[tb]++] = {a.triangle, a.forward != b.forward};
+  const MeshEdges edges(triangles, num_vertices);
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    const MeshEdge edge = edges[e];
+    if (edge.size() != 2) continue;
+    const auto ta = slot(edge[0].facet), tb = slot(edge[1].facet);
+    links[ta][link_count[ta]++] = {edge[1].facet, edge.regular()};
+    links[tb][link_count[tb]++] = {edge[0].facet, edge.regular()};
   }
   enum : std::uint8_t { kUnseen, kKept, kFlipped };
   std::vector<std::uint8_t> decision(n, kUnseen);
@@ -114,7 +92,7 @@ Triangles restricted_triangles(const RestrictedPowerDiagram& diagram, const std:
     }
   }
   triangles = unique_triples(triangles);
-  orient_consistently(triangles);
+  orient_consistently(triangles, ids.empty() ? diagram.num_sites() : static_cast<Index>(ids.size()));
   return triangles;
 }
 

@@ -7,6 +7,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/maximality.h"
 #include "amps/mesh.h"
 #include "amps/optimize.h"
 #include "amps/quality.h"

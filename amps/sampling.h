@@ -1,4 +1,4 @@
-// sampling.h: maximal Poisson-disk sets on a surface — dart throwing, gap filling, and the certificate that a set is maximal.
+// sampling.h: maximal Poisson-disk sets on a surface — dart throwing, then gap filling. (The certificate: maximality.h.)
 //
 // Yan & Wonka, "Adaptive maximal Poisson-disk sampling on surfaces", SIGGRAPH Asia 2012 Technical Briefs; "Gap processing for
 // adaptive maximal Poisson-disk sampling", ACM TOG 32(5), 2013. A set of disks (p_i, r_i), p_i on the surface, is
@@ -10,39 +10,16 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
+#include "amps/samples.h"
 #include "amps/sizing.h"
 
-#include <iosfwd>
+#include <cstdint>
 #include <memory>
-#include <vector>
 
 namespace amps {
-
-/// Disks on a surface. `facets` and `barycentrics` say where on the input mesh each sample lies, so that anything stored per
-/// vertex or facet (UVs, colours, weights) can be interpolated; both are empty in a set that came without them (from a file).
-struct SampleSet {
-  Points positions;           ///< #S by 3
-  Eigen::VectorXd radii;      ///< #S, > 0
-  std::vector<Index> facets;  ///< #S or empty
-  Points barycentrics;        ///< #S by 3 or empty; rows are non-negative and sum to 1 (to rounding)
-  Index size() const { return static_cast<Index>(positions.rows()); }
-};
-
-/// How far apart two disks of different radii must be (Mitchell, Rand, Ebeida & Bajaj, "Variable radii Poisson-disk sampling",
-/// CCCG 2012).
-enum class ConflictRule {
-  /// |p_i − p_j| ≥ max(r_i, r_j): no disk covers another's centre ("bigger disks"). The rule of the papers above and of
-  /// everything this library promises: no sample is ever hidden in the power diagram.
-  kMax,
-  /// |p_i − p_j| ≥ min(r_i, r_j) ("smaller disks"): small samples come up to large ones, so sets are denser where radii change
-  /// (at gradation 0.1, 0.25 and 0.5 by about 1, 4 and 8 % beside kMax). Darts of the second stage keep r(p). Samples of
-  /// a field of gradation L (|r(p) − r(q)| ≤ L·|p − q|) own their position in the power diagram if L < √2 − 1: with d ≥ r_j and
-  /// r_i ≤ r_j + L·d, r_i² − r_j² ≤ 2L·d·r_j + L²d² ≤ (2L + L²)·d² < d². In steeper fields a small sample may hide behind a
-  /// large one: it stays in the set, the surface is still covered, but the mesh dual to the diagram has no vertex there.
-  kMin,
-};
 
 /// Exactly one of: `radius`; `target_count`; `sizing`; `sizing` and `target_count`.
 struct SamplingOptions {
@@ -69,7 +46,8 @@ struct SamplingOptions {
 };
 
 struct SamplingReport {
-  double radius = 0;        ///< the one used (differs from the option with target_count); 0 with `sizing`
+  double radius = 0;  ///< the one wanted for all new samples, differs from the option with target_count; 0 if there is none,
+                      ///< which is where radii of `sizing` differ (a field that is the same everywhere is one radius)
   double sizing_scale = 1;  ///< factor on `sizing` (differs from 1 with target_count)
   double min_radius = 0;    ///< of all samples, as the next two; 0 if there is none
   double max_radius = 0;
@@ -111,32 +89,6 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
 /// get facet kNone and zeros in the result. Errors as sample() and verify_maximal().
 SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options);
 
-/// Certificate of a sample set, computed from a fresh restricted power diagram.
-struct MaximalityReport {
-  double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r; maximal ⇔ ≤ 1 (+1e-9 rounding)
-  double worst_separation = 0;  ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample.
-                                ///< With ConflictRule::kMin: of |p_i − p_j|/min(r_i, r_j)
-  Index gaps = 0;       ///< fragments (restricted cell ∩ facet) that are not covered
-  double gap_area = 0;  ///< exact uncovered area, absolute
-  bool maximal(double tolerance = 1e-9) const { return worst_coverage <= 1 + tolerance; }
-  bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
-};
-/// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
-/// barycentrics are given but not one a sample; kInvalidMesh.
-MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1,
-                                ConflictRule rule = ConflictRule::kMax);
-std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
-
-/// The uncovered part of the surface as triangles: the gap primitives. Each triangle contains a piece of a gap (and may
-/// overlap a disk by its circular segment); their union covers all gaps.
-struct GapSet {
-  Mesh primitives;            ///< #T triangles, vertices not shared between gaps
-  std::vector<Index> facets;  ///< #T, the input facet a primitive lies in
-  Index gaps = 0;             ///< uncovered fragments
-  double area = 0;            ///< exact uncovered area (less than that of the primitives)
-};
-GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
-
 namespace detail {
 
 /// sample(), and the diagram it ended with (null if cancelled before there was one).
@@ -145,10 +97,6 @@ struct SamplingRun {
   std::unique_ptr<RestrictedPowerDiagram> diagram;
 };
 SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options);
-
-/// Throws what verify_maximal documents.
-RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, unsigned threads);
-MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule = ConflictRule::kMax);
 
 }  // namespace detail
 

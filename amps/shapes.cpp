@@ -1,6 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/shapes.h"
 
+#include "amps/portable_math.h"
+
 #include <Eigen/Geometry>
 
 #include <algorithm>
@@ -14,8 +16,6 @@
 
 namespace amps {
 namespace {
-
-constexpr double kShapesPi = 3.14159265358979323846;
 
 void require_shape(bool condition, const char* what) {
   if (!condition) throw Error(ErrorCode::kInvalidArgument, std::string("amps: ") + what);
@@ -154,14 +154,14 @@ struct KnotMeasure {
   double length = 0;
 };
 
-// Reach of the curve: the least |b−a|² / (2 · distance of b from the tangent line at a) over pairs of points (Federer 1959,
-// theorem 4.18). It bounds both the curvature (b → a) and the distance to other strands, hence is what a tube has to stay
+// Reach of the curve: the minimum of |b−a|² / (2 · distance of b from the tangent line at a) over pairs of points (Federer
+// 1959, theorem 4.18). It bounds both the curvature (b → a) and the distance to other strands, hence is what a tube has to stay
 // under.
 KnotMeasure measure_knot(const KnotCurve& curve, int samples) {
   const auto n = static_cast<std::size_t>(samples);
   std::vector<Vec3> points(n), tangents(n);
   for (std::size_t i = 0; i < n; ++i) {
-    const double t = 2.0 * kShapesPi * static_cast<double>(i) / samples;
+    const double t = 2.0 * detail::kPi * static_cast<double>(i) / samples;
     points[i] = curve.point(t);
     tangents[i] = curve.derivative(t).normalized();
   }
@@ -259,9 +259,9 @@ Mesh make_torus(double major, double minor, Index nu, Index nv) {
   const std::int64_t cells = static_cast<std::int64_t>(nu) * nv;
   Mesh mesh = empty_shape(cells, 2 * cells);
   for (Index u = 0; u < nu; ++u) {
-    const double alpha = 2.0 * kShapesPi * u / nu;
+    const double alpha = 2.0 * detail::kPi * u / nu;
     for (Index v = 0; v < nv; ++v) {
-      const double beta = 2.0 * kShapesPi * v / nv;
+      const double beta = 2.0 * detail::kPi * v / nv;
       const double w = major + minor * std::cos(beta);
       mesh.vertices.row(u * nv + v) << w * std::cos(alpha), w * std::sin(alpha), minor * std::sin(beta);
     }
@@ -283,7 +283,7 @@ Mesh make_knot(const KnotOptions& options) {
   const double tube = options.tube == 0 ? 0.7 * measure.reach : options.tube;
   require_shape(positive_finite(tube) && tube <= 0.9 * measure.reach, "the knot's tube must be > 0 and under 0.9 of its reach");
   const Index min_along = 8 * (options.p + options.q);
-  const double square_along = measure.length / (2.0 * kShapesPi * tube) * options.around;
+  const double square_along = measure.length / (2.0 * detail::kPi * tube) * options.around;
   if (options.along == 0 && square_along > std::numeric_limits<Index>::max()) {
     throw Error(ErrorCode::kTooLarge, "amps: a knot with that many cells is more than a 32-bit index counts; ask for fewer");
   }
@@ -293,11 +293,11 @@ Mesh make_knot(const KnotOptions& options) {
   const std::int64_t cells = static_cast<std::int64_t>(nu) * nv;
   Mesh mesh = empty_shape(cells, 2 * cells);
   for (Index u = 0; u < nu; ++u) {
-    const double t = 2.0 * kShapesPi * u / nu;
+    const double t = 2.0 * detail::kPi * u / nu;
     const Vec3 center = curve.point(t), normal = curve.normal(t);
     const Vec3 binormal = normal.cross(curve.derivative(t).normalized());
     for (Index v = 0; v < nv; ++v) {
-      const double beta = 2.0 * kShapesPi * v / nv;
+      const double beta = 2.0 * detail::kPi * v / nv;
       mesh.vertices.row(u * nv + v) = (center + tube * (std::cos(beta) * normal + std::sin(beta) * binormal)).transpose();
     }
   }

@@ -5,7 +5,7 @@
 // A maximal Poisson-disk set has triangles as good as its radii are even: the gradation of the field, how fast r may change
 // along the surface, sets the worst angle. So the usual way is
 //
-//   SizingField field = for_count(lfs_sizing(mesh).with_ratio(16), 12000);
+//   SizingField field = for_count(lfs_sizing(mesh).with_ratio(), 12000);
 //
 // which scales the field and limits its gradation. Scaling a limited field would multiply its gradation too.
 #pragma once
@@ -24,15 +24,10 @@ namespace amps {
 namespace detail {
 struct SizingLattice;
 struct SizingFieldAccess;
-
-/// sin x, |x| ≤ π/2, the same on every platform; the remainder of the series is below x²³/23! < 2e-18.
-inline double portable_sine(double x) {
-  double sum = 0;
-  for (int n = 21; n >= 1; n -= 2) sum = 1 - x * x / ((n + 1.0) * (n + 2.0)) * sum;
-  return x * sum;
-}
-
 }  // namespace detail
+
+/// r_max / r_min where nothing else is asked for: that of the paper.
+inline constexpr double kDefaultRatio = 16;
 
 /// The wanted disk radius r > 0 at every point of one mesh, absolute units. Piecewise linear: each facet carries a lattice of
 /// k² congruent triangles (k a power of two, its own for each facet; 1 where the values at the corners say enough) with a
@@ -74,14 +69,14 @@ class SizingField {
 
   /// r·factor. Throws Error(kInvalidArgument) unless the factor is > 0 and finite and all radii stay so.
   SizingField scaled(double factor) const;
-  /// min(greatest, max(least, r)) at the nodes. Throws Error(kInvalidArgument) unless 0 < least ≤ greatest; greatest may be
+  /// min(highest, max(lowest, r)) at the nodes. Throws Error(kInvalidArgument) unless 0 < lowest ≤ highest; highest may be
   /// infinite.
-  SizingField clamped(double least, double greatest) const;
+  SizingField clamped(double lowest, double highest) const;
 
-  /// clamped(m, ratio·m): the paper's r_max = 16 r_min, with a robust smallest radius m: the `quantile` of radii by area (of
-  /// the means of pieces), so that this part of the surface at most, where r is least, has its radius raised. Throws
-  /// Error(kInvalidArgument) unless ratio ≥ 1 and 0 ≤ quantile < 1. O(pieces · log).
-  SizingField with_ratio(double ratio = 16, double quantile = 0.01) const;
+  /// clamped(m, ratio·m), with a robust smallest radius m: the `quantile` of radii by area (of the means of pieces), so that r
+  /// is raised on this part of the surface at most, where it is smallest. Throws Error(kInvalidArgument) unless ratio ≥ 1 and 0
+  /// ≤ quantile < 1. O(pieces · log).
+  SizingField with_ratio(double ratio = kDefaultRatio, double quantile = 0.01) const;
 
   /// The largest field below this one with |r(x) − r(y)| ≤ gradation·d(x, y) between nodes, d the distance along the surface
   /// (vertices of equal position are one). Relaxed to a fixed point over lattice triangles: within an error of first order in
@@ -103,18 +98,9 @@ class SizingField {
 /// A maximal set of radii r has about this times ∫dA/r² samples (measured: uniform radii, large sets).
 inline constexpr double kSamplesPerDensity = 0.6965;
 
-/// The gradation for SizingField::limited where nothing else is asked for: the largest of these at which remeshing by lfs beats
-/// Table 2 of the paper in every column, before optimisation and after (there the RMS distance of the bunny to its mesh of 12k
-/// vertices decides: 0.034 % of the diagonal with 0.1, 0.044 % with 0.15; the paper has 0.035 %), and at which sets can be
-/// optimised until no triangle is obtuse. It is what drives the worst angle; medians of 5 seeds with lfs, radii up to 1:16,
-/// before any optimisation (Bunny, 9.8k vertices | Triceratops, 9k):
-///   gradation   smallest angle   largest angle   Q_min         below 30°       valence 5–7
-///   unlimited    17.7° | 15.4°   133.8° | 133.7°  0.34 | 0.32   2.3 % | 2.6 %   93.2 % | 92.5 %
-///   0.3          19.9° | 19.5°   135.2° | 130.5°  0.34 | 0.37   1.9 % | 2.1 %   93.5 % | 93.5 %
-///   0.2          22.8° | 22.6°   126.6° | 128.2°  0.41 | 0.39   1.1 % | 1.3 %   94.6 % | 94.2 %
-///   0.15         25.1° | 24.1°   124.1° | 126.4°  0.43 | 0.41   0.7 % | 0.8 %   95.2 % | 94.9 %
-///   0.1          26.9° | 26.7°   121.8° | 121.4°  0.45 | 0.45   0.3 % | 0.3 %   95.8 % | 95.5 %
-///   0.05         28.8° | 28.9°   119.7° | 118.8°  0.47 | 0.47   0.1 % | 0.1 %   96.4 % | 96.0 %
+/// The gradation for SizingField::limited where nothing else is asked for: the largest at which remeshing by lfs beats Table 2
+/// of the paper in every column, and sets can be optimised until no triangle is obtuse (measured: tests/bench/README.md). It is
+/// what drives the worst angle.
 inline constexpr double kDefaultGradation = 0.1;
 
 /// The factor to scale a field by for about `count` samples: √(kSamplesPerDensity · ∫dA/r² / count). Good to a few percent

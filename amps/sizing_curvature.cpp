@@ -5,11 +5,13 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sizing.h"
 
+#include "amps/mesh_edges.h"
+#include "amps/portable_math.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -97,8 +99,7 @@ std::array<double, 3> corner_areas(const std::array<Vec3, 3>& corner) {
 class CurvatureEstimator {
  public:
   CurvatureEstimator(const MeshView& mesh, double crease_angle) : mesh_(merge_equal_vertices(mesh)), view_(mesh_) {
-    constexpr double kPi = 3.14159265358979323846;
-    crease_cosine_ = detail::portable_sine(kPi / 2 - crease_angle * (kPi / 180));
+    crease_cosine_ = detail::portable_sine(detail::kPi / 2 - detail::to_radians(crease_angle));
     normals_ = facet_normals(view_);
     // To unit size: fourth powers of lengths must be doubles.
     const Box box = bounding_box(view_);
@@ -130,49 +131,24 @@ class CurvatureEstimator {
     for (int k = 0; k < 3; ++k) result[slot(k)] = scale_ * view_.corner(static_cast<Index>(f), k);
     return result;
   }
-  static std::size_t next_of(std::size_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; }
 
-  std::size_t root(std::size_t c) {
-    while (fan_[c] != c) c = fan_[c] = fan_[fan_[c]];
-    return c;
-  }
-  void join(std::size_t a, std::size_t b) {
-    a = root(a);
-    b = root(b);
-    fan_[std::max(a, b)] = std::min(a, b);
-  }
-
-  /// Joins the corners on both sides of each smooth edge.
+  /// The corners around a vertex, across smooth edges.
   void group_corners() {
-    fan_.resize(3 * slot(view_.num_facets()));
-    std::iota(fan_.begin(), fan_.end(), std::size_t{0});
-    std::vector<char> smooth_side(fan_.size(), 0);
-    struct Side {
-      std::size_t low, high, corner;
-    };
-    std::vector<Side> sides;
-    for (std::size_t c = 0; c < fan_.size(); ++c) {
-      const std::size_t a = vertex_of(c), b = vertex_of(next_of(c));
-      if (normal_of_facet(c / 3).squaredNorm() > 0) sides.push_back({std::min(a, b), std::max(a, b), c});
+    std::vector<char> counted(slot(view_.num_facets()));
+    for (std::size_t f = 0; f < counted.size(); ++f) counted[f] = normal_of_facet(f).squaredNorm() > 0 ? 1 : 0;
+    const detail::MeshEdges edges(view_.triangles, view_.num_vertices(), counted);
+    std::vector<char> sharp(edges.size(), 0), smooth_side(edges.num_corners(), 0);
+    for (std::size_t e = 0; e < edges.size(); ++e) {
+      const detail::MeshEdge edge = edges[e];
+      const auto normal = [&](std::size_t i) { return normal_of_facet(slot(edge[i].facet)); };
+      sharp[e] = edge.regular() && !(normal(0).dot(normal(1)) < crease_cosine_) ? 0 : 1;
+      if (sharp[e] == 0) smooth_side[edge[0].corner()] = smooth_side[edge[1].corner()] = 1;
     }
-    std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-      return a.low != b.low ? a.low < b.low : a.high != b.high ? a.high < b.high : a.corner < b.corner;
-    });
-    for (std::size_t i = 0, j = 0; i < sides.size(); i = j) {
-      while (j < sides.size() && sides[j].low == sides[i].low && sides[j].high == sides[i].high) ++j;
-      if (j - i != 2) continue;
-      const std::size_t a = sides[i].corner, b = sides[i + 1].corner;
-      if (vertex_of(a) == vertex_of(b)) continue;  // the facets are oriented differently
-      if (normal_of_facet(a / 3).dot(normal_of_facet(b / 3)) < crease_cosine_) continue;
-      join(a, next_of(b));
-      join(next_of(a), b);
-      smooth_side[a] = smooth_side[b] = 1;
-    }
-    for (std::size_t c = 0; c < fan_.size(); ++c) fan_[c] = root(c);
+    fan_ = detail::corner_fans(edges, sharp);
     open_.assign(fan_.size(), 0);
     for (std::size_t c = 0; c < fan_.size(); ++c) {
       if (smooth_side[c] != 0) continue;
-      open_[fan_[c]] = open_[fan_[next_of(c)]] = 1;
+      open_[fan_[c]] = open_[fan_[detail::next_corner(c)]] = 1;
     }
   }
 

@@ -7,12 +7,13 @@
 #include "amps/sizing.h"
 
 #include "amps/kdtree.h"
+#include "amps/mesh_edges.h"
+#include "amps/portable_math.h"
 #include "amps/triangulation.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <string>
 #include <utility>
@@ -28,8 +29,7 @@ using detail::slot;
 /// squares and fourth powers of coordinates are doubles.
 class PoleSamples {
  public:
-  explicit PoleSamples(const MeshView& mesh)
-      : mesh_(mesh), areas_(facet_areas(mesh)), level_(areas_.size(), 0), table_(16, kNone) {
+  explicit PoleSamples(const MeshView& mesh) : mesh_(mesh), areas_(facet_areas(mesh)), level_(areas_.size(), 0) {
     const Box box = bounding_box(mesh);
     int exponent = 0;
     std::frexp(std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff()), &exponent);
@@ -43,37 +43,36 @@ class PoleSamples {
   double scale() const { return scale_; }
   double diagonal() const { return diagonal_; }
   double total_area() const { return total_area_; }
-  Index size() const { return static_cast<Index>(around_.size()); }
-  Vec3 position(Index s) const { return Eigen::Map<const Vec3>(&coordinates_[3 * slot(s)]); }
+  Index size() const { return points_.size(); }
   Eigen::Map<const Points> positions_from(Index first) const {
-    return {coordinates_.data() + 3 * slot(first), size() - first, 3};
+    return {points_.coordinates().data() + 3 * slot(first), size() - first, 3};
   }
   /// Longest edge of the (lattice) triangles around a sample.
   double spacing(Index s) const { return around_[slot(s)].spacing; }
   /// Unit; the mean of the facets around.
   Vec3 normal(Index s) const { return around_[slot(s)].normal.normalized(); }
   /// True if refine() might have something to do.
-  bool coarser_than(double least) const {
+  bool coarser_than(double shortest) const {
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
-      if (may_refine(f, least)) return true;
+      if (may_refine(f, shortest)) return true;
     }
     return false;
   }
 
-  /// Adds what is missing for lattice edges to be no longer than `fraction` of feature(x), but not shorter than `least`.
+  /// Adds what is missing for lattice edges to be no longer than `fraction` of feature(x), but not shorter than `shortest`.
   template <class Feature>
-  void refine(double fraction, double least, const Feature& feature) {
+  void refine(double fraction, double shortest, const Feature& feature) {
     std::vector<double> at_vertex(slot(mesh_.num_vertices()), -1);
     bool finer = false;
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
-      if (!may_refine(f, least)) continue;
+      if (!may_refine(f, shortest)) continue;
       double smallest = feature(scale_ * (mesh_.corner(f, 0) + mesh_.corner(f, 1) + mesh_.corner(f, 2)) / 3);
       for (int k = 0; k < 3; ++k) {
         double& value = at_vertex[slot(mesh_.triangles(f, k))];
         if (value < 0) value = feature(scale_ * mesh_.corner(f, k));
         smallest = std::min(smallest, value);
       }
-      finer |= refine_facet(f, std::max(least, fraction * smallest));
+      finer |= refine_facet(f, std::max(shortest, fraction * smallest));
     }
     if (finer) visit_lattices();
   }
@@ -88,29 +87,9 @@ class PoleSamples {
   };
 
   Index find_or_add(const Vec3& x) {
-    if (2 * around_.size() >= table_.size()) grow_table();
-    Index& entry = table_[place(x)];
-    if (entry != kNone) return entry;
-    entry = size();
-    coordinates_.insert(coordinates_.end(), {x.x(), x.y(), x.z()});
-    around_.emplace_back();
-    return entry;
-  }
-  std::size_t place(const Vec3& x) const {
-    std::uint64_t hash = 0;
-    for (int k = 0; k < 3; ++k) {
-      const double coordinate = x[k] + 0.0;  // −0 is 0
-      std::uint64_t bits = 0;
-      std::memcpy(&bits, &coordinate, sizeof bits);
-      hash = detail::scramble(hash + bits);
-    }
-    std::size_t at = hash & (table_.size() - 1);
-    while (table_[at] != kNone && position(table_[at]) != x) at = (at + 1) & (table_.size() - 1);
-    return at;
-  }
-  void grow_table() {
-    table_.assign(4 * table_.size(), kNone);
-    for (Index s = 0; s < size(); ++s) table_[place(position(s))] = s;
+    const Index s = points_.find_or_add(x);
+    if (slot(s) == around_.size()) around_.emplace_back();
+    return s;
   }
   void meet_facet(Index s, const Vec3& normal, double edge) {
     Surrounding& around = around_[slot(s)];
@@ -130,8 +109,8 @@ class PoleSamples {
   bool too_coarse(Index f, int level, double wanted) const { return std::ldexp(longest_edge(f), -level) > 1.4142 * wanted; }
   /// False for what may stay as it is whatever the feature size. Facets without a lattice are given twice as much room: a mesh
   /// whose own vertices will do should not be triangulated twice for a few long edges.
-  bool may_refine(Index f, double least) const {
-    return areas_[slot(f)] > 0 && too_coarse(f, level_[slot(f)], level_[slot(f)] == 0 ? 2 * least : least);
+  bool may_refine(Index f, double shortest) const {
+    return areas_[slot(f)] > 0 && too_coarse(f, level_[slot(f)], level_[slot(f)] == 0 ? 2 * shortest : shortest);
   }
 
   /// Nodes stay within a few times the number of equilateral triangles of the wanted size; needles get no more.
@@ -182,9 +161,8 @@ class PoleSamples {
   std::vector<double> areas_;
   std::vector<std::uint8_t> level_;
   std::vector<Index> sample_of_vertex_;
-  std::vector<double> coordinates_;
+  detail::DistinctPoints points_;  ///< the samples
   std::vector<Surrounding> around_;
-  std::vector<Index> table_;  ///< samples by position, open addressing
   double scale_ = 1, diagonal_ = 0, total_area_ = 0;
 };
 
@@ -245,8 +223,8 @@ class PoleFinder {
         if (c == kNone) continue;
         const double radius = std::sqrt(balls_[slot(c)].squared_radius), resolved = radius / samples_.spacing(s);
         // Between sheets closer than the spacing of samples the radii of cells say little, and nothing else is that small.
-        constexpr double kLeastResolved = 0.5;
-        if (resolved < kLeastResolved) continue;
+        constexpr double kMinResolved = 0.5;
+        if (resolved < kMinResolved) continue;
         result.push_back({balls_[slot(c)].center, radius, resolved, 0, false});
         see_contacts(c, normals, result.back());
       }
@@ -262,10 +240,10 @@ class PoleFinder {
     for (std::size_t i = 0; i < 4; ++i) {
       for (std::size_t j = 0; j < i; ++j) {
         const Vec3 chord = triangulation_.point(vertex[i]).position() - triangulation_.point(vertex[j]).position();
-        const double square = chord.squaredNorm(), least = kSteep * kSteep * square;
+        const double square = chord.squaredNorm(), steep = kSteep * kSteep * square;
         const double above = chord.dot(normals[slot(vertex[i])]), below = chord.dot(normals[slot(vertex[j])]);
         longest = std::max(longest, square);
-        pole.opposite = pole.opposite || (above * above > least && below * below > least);
+        pole.opposite = pole.opposite || (above * above > steep && below * below > steep);
       }
     }
     pole.apart = std::sqrt(longest) / pole.radius;
@@ -361,16 +339,15 @@ Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filt
 class MedialAxis {
  public:
   MedialAxis(const MeshView& mesh, const LfsOptions& options) : samples_(mesh) {
-    constexpr double kPi = 3.14159265358979323846;
-    const double separation = 2 * detail::portable_sine(options.min_separation * (kPi / 360));
-    const double least = std::sqrt(samples_.total_area() / (kHexagonal * options.samples));
+    const double separation = 2 * detail::portable_sine(detail::to_radians(options.min_separation / 2));
+    const double shortest = std::sqrt(samples_.total_area() / (kHexagonal * options.samples));
     RegularTriangulation triangulation(samples_.positions_from(0));
     std::vector<Pole> poles = PoleFinder(samples_, triangulation).poles();
-    for (int round = 0; round < kRounds && samples_.coarser_than(least); ++round) {
+    for (int round = 0; round < kRounds && samples_.coarser_than(shortest); ++round) {
       // What must be resolved is where the surface comes near itself; near creases that never ends.
       set_poles(poles, [](const Pole& pole) { return pole.opposite; });
       const Index before = samples_.size();
-      samples_.refine(kSpacing, least, [this](const Vec3& x) { return scaled_distance(x); });
+      samples_.refine(kSpacing, shortest, [this](const Vec3& x) { return scaled_distance(x); });
       if (samples_.size() == before) break;
       triangulation.insert(samples_.positions_from(before));
       poles = PoleFinder(samples_, triangulation).poles();
@@ -382,17 +359,17 @@ class MedialAxis {
   }
 
   double distance(const Vec3& x) const {
-    return std::clamp(scaled_distance(samples_.scale() * x), kLeast * samples_.diagonal(), samples_.diagonal()) /
+    return std::clamp(scaled_distance(samples_.scale() * x), kMinDistance * samples_.diagonal(), samples_.diagonal()) /
            samples_.scale();
   }
 
  private:
   static constexpr double kHexagonal = 1.1547;  ///< samples per area / spacing² in a hexagonal lattice
   static constexpr int kRounds = 3;
-  static constexpr double kSettled = 0.02;    ///< part of samples: after so few new ones there is no further round
-  static constexpr double kSpacing = 0.33;    ///< lattice edges beside the feature size
-  static constexpr double kFineness = 0.005;  ///< of the grid that thins poles: an error of up to √3 times as much
-  static constexpr double kLeast = 1e-6;
+  static constexpr double kSettled = 0.02;      ///< part of samples: after so few new ones there is no further round
+  static constexpr double kSpacing = 0.33;      ///< lattice edges beside the feature size
+  static constexpr double kFineness = 0.005;    ///< of the grid that thins poles: an error of up to √3 times as much
+  static constexpr double kMinDistance = 1e-6;  ///< over the diagonal
 
   template <class Filter>
   void set_poles(const std::vector<Pole>& poles, const Filter& counts) {

@@ -1,6 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/spatial_sort.h"
 
+#include "amps/execution.h"
+
 #include <algorithm>
 #include <cmath>
 

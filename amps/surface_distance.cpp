@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/surface_distance.h"
 
+#include "amps/execution.h"
 #include "amps/spatial_sort.h"
 #include "amps/surface_tree.h"
 
@@ -418,11 +419,11 @@ class OneSidedMeasure {
 void require_distance_options(const DistanceOptions& options) {
   if (!(options.tolerance >= 1e-12 && options.tolerance <= 1)) {
     throw Error(ErrorCode::kInvalidArgument, "surface distance: the tolerance, in diagonals of the bounding box, is " +
-                                                 std::to_string(options.tolerance) + "; give one in [1e-12, 1]");
+                                                 detail::number_text(options.tolerance) + "; give one in [1e-12, 1]");
   }
   if (!(options.spacing >= 1e-6 && options.spacing <= 1)) {
     throw Error(ErrorCode::kInvalidArgument, "surface distance: the spacing, in diagonals of the bounding box, is " +
-                                                 std::to_string(options.spacing) + "; give one in [1e-6, 1]");
+                                                 detail::number_text(options.spacing) + "; give one in [1e-6, 1]");
   }
   if (options.max_cuts < 0) {
     throw Error(ErrorCode::kInvalidArgument, "surface distance: max_cuts is negative; give 0 or more");

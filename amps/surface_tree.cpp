@@ -1,6 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/surface_tree.h"
 
+#include "amps/execution.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>

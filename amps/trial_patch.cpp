@@ -2,7 +2,7 @@
 #include "amps/trial_patch.h"
 
 #include "amps/exact.h"
-#include "amps/sizing.h"
+#include "amps/portable_math.h"
 
 #include <algorithm>
 #include <cmath>

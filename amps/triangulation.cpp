@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/triangulation.h"
 
+#include "amps/execution.h"
 #include "amps/spatial_sort.h"
 
 #include <algorithm>

@@ -13,6 +13,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/triangulation.h"
 
+#include "amps/execution.h"
+
 #include <algorithm>
 #include <thread>
 

@@ -52,50 +52,39 @@ double squared_distance(const Vec3& x, const double* sample) {
   return dx * dx + dy * dy + dz * dz;
 }
 
-/// Asks for a cache line that will be read soon; nothing where the compiler has no word for it.
-inline void prefetch_line(const void* p) noexcept {
-#if defined(__GNUC__) || defined(__clang__)
-  __builtin_prefetch(p);
-#else
-  static_cast<void>(p);
-#endif
-}
-
-/// The greatest radius that has voxels of its own. In a box of this extent a greater one reaches everything, as this does.
-double coarsest_radius(const Box& box, double least, double greatest) {
-  return std::max(least, std::min(greatest, (box.max - box.min).maxCoeff()));
+/// The largest radius that has voxels of its own. In a box of this extent a larger one reaches everything, as this does.
+double coarsest_radius(const Box& box, double min_radius, double max_radius) {
+  return std::max(min_radius, std::min(max_radius, (box.max - box.min).maxCoeff()));
 }
 
 }  // namespace
 
-bool VoxelGrid::fits(const Box& box, double least, double greatest) {
-  const double weight = least * least;
-  if (!(least > 0 && least <= greatest && weight >= kSmallestVoxelWeight && greatest * greatest <= 1 / kSmallestVoxelWeight)) {
+bool VoxelGrid::fits(const Box& box, double min_radius, double max_radius) {
+  const double weight = min_radius * min_radius;
+  if (!(min_radius > 0 && min_radius <= max_radius && weight >= kSmallestVoxelWeight &&
+        max_radius * max_radius <= 1 / kSmallestVoxelWeight)) {
     return false;
   }
-  double finest = coarsest_radius(box, least, greatest);
-  while (finest / 2 >= least) finest /= 2;
+  double finest = coarsest_radius(box, min_radius, max_radius);
+  while (finest / 2 >= min_radius) finest /= 2;
   return (box.max - box.min).maxCoeff() / voxel_side(finest) + 4 <= kVoxelsPerAxis;  // false for NaN
 }
 
-VoxelGrid::VoxelGrid(const Box& box, double least, double greatest)
-    : origin_(box.min),
-      weight_(least * least),
-      surely_inside_(weight_ * kSurelyInside),
-      surely_outside_(weight_ * kSurelyOutside) {
-  AMPS_ASSERT(fits(box, least, greatest));
+VoxelGrid::VoxelGrid(const Box& box, double min_radius, double max_radius)
+    : origin_(box.min), equal_(min_radius == max_radius), weight_(min_radius * min_radius) {
+  AMPS_ASSERT(fits(box, min_radius, max_radius));
   constexpr int kFirstSlots = 10;  // log2
-  double radius = coarsest_radius(box, least, greatest);
+  double radius = coarsest_radius(box, min_radius, max_radius);
   do {
     Level level;
     level.slots.assign(std::size_t{1} << kFirstSlots, Slot{kEmptyKey, kNone, 0});
     level.shift = 64 - kFirstSlots;
     level.radius = radius;
     level.weight_above = radius * radius / 4 * (1 - 4 * kVoxelExcess);
-    level.weight_below = levels_.empty() && radius < greatest ? INFINITY : radius * radius * (1 + 4 * kVoxelExcess);
+    level.weight_below = levels_.empty() && radius < max_radius ? INFINITY : radius * radius * (1 + 4 * kVoxelExcess);
     levels_.push_back(std::move(level));
     radius /= 2;
-  } while (radius >= least);
+  } while (radius >= min_radius);
   per_cell_ = 1 / voxel_side(levels_.back().radius);
   extent_ = (box.max - box.min) * per_cell_;
 }
@@ -139,7 +128,7 @@ std::uint64_t VoxelGrid::key_at(const Place& p, int level) const {
 void VoxelGrid::prefetch_voxel(const Vec3& x, double radius) const {
   const int own = level_of(radius);
   const Level& level = levels_[static_cast<std::size_t>(own)];
-  prefetch_line(&level.slots[voxel_hash(key_at(place(x), own), level.shift)]);
+  prefetch(&level.slots[voxel_hash(key_at(place(x), own), level.shift)]);
 }
 
 void VoxelGrid::prefetch_samples(const Vec3& x, double radius) const {
@@ -148,11 +137,19 @@ void VoxelGrid::prefetch_samples(const Vec3& x, double radius) const {
   const std::int32_t b = level.slots[find_slot(level, key_at(place(x), own))].block;
   if (b == kNone) return;
   const Block* const block = &blocks_[static_cast<std::size_t>(b)];
-  prefetch_line(block);
-  prefetch_line(&block->ids);
+  prefetch(block);
+  prefetch(&block->ids);
 }
 
-Index VoxelGrid::conflicting_sample(const Vec3& x) const {
+Index VoxelGrid::conflicting_sample(const Vec3& x, double radius, ConflictRule rule) const {
+  const bool by_max = rule == ConflictRule::kMax;
+  if (equal_) return conflicting_among_equals(x, by_max ? weight_ : std::min(weight_, radius * radius));
+  return by_max ? conflicting_by_max(x, radius) : conflicting_by_min(x, radius);
+}
+
+/// Some sample at squared distance < weight, which is at most that of all samples.
+Index VoxelGrid::conflicting_among_equals(const Vec3& x, double weight) const {
+  const double surely_inside = weight * kSurelyInside, surely_outside = weight * kSurelyOutside;
   const Level& level = levels_.front();
   const Place p = place(x);
   std::uint64_t other[3];  // the ball of x reaches out of its voxel on the near side only
@@ -165,17 +162,14 @@ Index VoxelGrid::conflicting_sample(const Vec3& x) const {
       for (int i = 0; i < block.count; ++i) {
         const double* sample = block.positions[i];
         const double d2 = squared_distance(x, sample);
-        if (d2 > surely_outside_) continue;
-        if (d2 < surely_inside_ || side_of_ball(x.data(), sample, weight_) < 0) return block.ids[i];
+        if (d2 > surely_outside) continue;
+        if (d2 < surely_inside || side_of_ball(x.data(), sample, weight) < 0) return block.ids[i];
       }
       b = block.next;
     }
   }
   return kNone;
 }
-
-// ---------------------------------------------------------------------------------------------------------------------------
-// Radii that differ
 
 /// Calls visit(slot, cell) for those of the 2³ voxels of a level nearest to p that there are, until it returns true.
 template <class Visit>
@@ -255,14 +249,14 @@ Index VoxelGrid::conflict_in(const Slot& slot, int level, const Vec3& x, double 
   return kNone;
 }
 
-Index VoxelGrid::conflicting_sample_by_max(const Vec3& x, double radius) const {
+Index VoxelGrid::conflicting_by_max(const Vec3& x, double radius) const {
   const Place p = place(x);
   const int own = level_of(radius);
   const double weight = radius * radius, limit = weight * (1 + kVoxelExcess);
-  const auto greater = [](double a, double b) { return std::max(a, b); };
+  const auto larger = [](double a, double b) { return std::max(a, b); };
   Index found = kNone;
   const auto in_voxel = [&](const Slot& slot, int level) {
-    found = conflict_in(slot, level, x, weight, greater);
+    found = conflict_in(slot, level, x, weight, larger);
     return found != kNone;
   };
   visit_around(p, own, [&](const Slot& slot, const Cell& cell) {
@@ -274,14 +268,14 @@ Index VoxelGrid::conflicting_sample_by_max(const Vec3& x, double radius) const {
   return found;
 }
 
-Index VoxelGrid::conflicting_sample_by_min(const Vec3& x, double radius) const {
+Index VoxelGrid::conflicting_by_min(const Vec3& x, double radius) const {
   const Place p = place(x);
   const double weight = radius * radius;
-  const auto lesser = [](double a, double b) { return std::min(a, b); };
+  const auto smaller = [](double a, double b) { return std::min(a, b); };
   Index found = kNone;
   for (int level = static_cast<int>(levels_.size()) - 1; level >= 0 && found == kNone; --level) {
     visit_around(p, level, [&](const Slot& slot, const Cell&) {
-      found = conflict_in(slot, level, x, weight, lesser);
+      found = conflict_in(slot, level, x, weight, smaller);
       return found != kNone;
     });
   }
@@ -312,15 +306,12 @@ double VoxelGrid::nearest_squared_distance(const Vec3& x, double reach) const {
   return nearest;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
-// Storing
-
-void VoxelGrid::insert(const Vec3& x, Index id) {
-  const Place p = place(x);
-  store(slot_for(levels_.front(), voxel_key(p.cell[0], p.cell[1], p.cell[2])), x, id);
-}
-
 void VoxelGrid::insert(const Vec3& x, double radius, Index id) {
+  if (equal_) {
+    AMPS_ASSERT(radius * radius == weight_);
+    const Place p = place(x);
+    return store(slot_for(levels_.front(), voxel_key(p.cell[0], p.cell[1], p.cell[2])), x, id);
+  }
   if (static_cast<std::size_t>(id) >= weights_.size()) weights_.resize(static_cast<std::size_t>(id) + 1);
   weights_[static_cast<std::size_t>(id)] = radius * radius;
   const Place p = place(x);

@@ -4,10 +4,7 @@
 // dart's ball meets: 5³ of them where r = r_min, 80³ where r = 16 r_min. We depart from that twice.
 //
 // Voxels are wide. On a surface most small voxels are empty, and looking up an empty voxel costs as much as a full one. Voxels
-// of side 2r hold about three samples, and the ball of a dart meets at most 2³ of them. Measured on the unit sphere,
-// nanoseconds a dart with its share of insertions (0.75·10⁴ and 0.74·10⁵ samples): side 2r 57 and 93, side r (27 voxels,
-// culled) 100 and 190, side r/√3 255 and 363, and one lookup a dart with each sample entered in all voxels its ball meets
-// 89–156 and 320–530.
+// of side 2r hold about three samples, and the ball of a dart meets at most 2³ of them (other sides: tests/bench/README.md).
 //
 // There is a grid for each size of disk. Level k holds the samples with R/2 < r ≤ R, R = 2^−k·r_max, in voxels of side 2R, each
 // voxel of level k being 2³ of level k + 1. At its own level and at each coarser one a dart looks at 2³ voxels; of the finer
@@ -17,6 +14,7 @@
 
 #include "amps/base.h"
 #include "amps/mesh.h"
+#include "amps/samples.h"
 
 #include <array>
 #include <cstddef>
@@ -31,45 +29,31 @@ namespace amps::detail {
 /// concurrently. What a query costs holds for sets whose samples are not much nearer to each other than their radii.
 class VoxelGrid {
  public:
-  /// Can a grid be made: at most ~4e6·least a side, r² far from underflow and overflow? If not, the caller's error is
+  /// Can a grid be made: at most ~4e6·min_radius a side, r² far from underflow and overflow? If not, the caller's error is
   /// kTooLarge.
-  static bool fits(const Box& box, double least, double greatest);
-  static bool fits(const Box& box, double radius) { return fits(box, radius, radius); }
+  static bool fits(const Box& box, double min_radius, double max_radius);
 
-  /// For radii in [least, greatest]; requires fits(). Points given to the other members should lie in the box: what lies
-  /// outside costs time.
-  VoxelGrid(const Box& box, double least, double greatest);
-  VoxelGrid(const Box& box, double radius) : VoxelGrid(box, radius, radius) {}
+  /// For samples with radii in [min_radius, max_radius]; requires fits(). Equal bounds make one radius of all, and queries
+  /// faster. Points given to the other members should lie in the box: what lies outside costs time.
+  VoxelGrid(const Box& box, double min_radius, double max_radius);
 
   /// Start to fetch what a query or an insertion at x will look at first: its voxel; once that is there, the samples in it.
   void prefetch_voxel(const Vec3& x, double radius) const;
   void prefetch_samples(const Vec3& x, double radius) const;
 
-  // Where all radii are equal:
-
-  /// Some stored sample at distance < r from x, or kNone. Which one, if there are several, depends on the order of insertion
-  /// only. O(1) expected.
-  Index conflicting_sample(const Vec3& x) const;
-  bool conflicts(const Vec3& x) const { return conflicting_sample(x) != kNone; }
-
-  /// Stores a sample, whether or not it conflicts with others. `id` ≥ 0 is what conflicting_sample returns.
-  void insert(const Vec3& x, Index id);
-
-  // Where they are not, radii in [0, greatest] for queries and [least, greatest] for samples:
-
-  /// Some stored sample p with |x − p| < max(radius, r_p), or kNone. O(1) expected a level that has samples, but for darts that
-  /// conflict with nothing beside a step in the radii: those pay for the small samples along their ball, which is O(1) for each
-  /// of them.
-  Index conflicting_sample_by_max(const Vec3& x, double radius) const;
-
-  /// The same with |x − p| < min(radius, r_p). O(1) expected a level that has samples.
-  Index conflicting_sample_by_min(const Vec3& x, double radius) const;
+  /// Some stored sample p that a disk (x, radius) is too near to by the rule, |x − p| < max or min(radius, r_p), or kNone;
+  /// radius in [0, max_radius]. With radius 0 and the max rule: a sample whose disk holds x. Which one, if there are several,
+  /// depends on the order of insertion only. O(1) expected a level that has samples, but by the max rule for darts that
+  /// conflict with nothing beside a step in the radii: those pay for the small samples along their ball, which is O(1) for
+  /// each of them.
+  Index conflicting_sample(const Vec3& x, double radius, ConflictRule rule) const;
 
   /// The least squared distance, as rounded by squaredNorm(), to a stored sample within about `reach`; +inf or more than
   /// reach² if there is none.
   double nearest_squared_distance(const Vec3& x, double reach) const;
 
-  /// `id` ≥ 0: ids are consecutive, or memory is wasted.
+  /// Stores a sample, whether or not it conflicts with others. `id` ≥ 0 is what conflicting_sample returns; ids are
+  /// consecutive, or memory is wasted. Where radii are equal, `radius` is that one.
   void insert(const Vec3& x, double radius, Index id);
 
   /// Takes a sample out again that was stored with exactly these values; its id may be stored anew. O(1) expected.
@@ -94,7 +78,7 @@ class VoxelGrid {
     std::vector<Slot> slots;
     int shift;  ///< 64 − log2(slots.size())
     std::size_t used = 0;
-    double radius;        ///< R: the greatest of its radii
+    double radius;        ///< R: the largest of its radii
     double weight_above;  ///< no sample has a weight below this
     double weight_below;  ///< or above this
   };
@@ -107,6 +91,9 @@ class VoxelGrid {
   Place place(const Vec3& x) const;
   int level_of(double radius) const;
   std::uint64_t key_at(const Place& p, int level) const;
+  Index conflicting_among_equals(const Vec3& x, double weight) const;
+  Index conflicting_by_max(const Vec3& x, double radius) const;
+  Index conflicting_by_min(const Vec3& x, double radius) const;
   static std::size_t find_slot(const Level& level, std::uint64_t key);
   template <class Visit>
   bool visit_around(const Place& p, int level, const Visit& visit) const;
@@ -121,11 +108,11 @@ class VoxelGrid {
   static void grow(Level& level);
 
   Vec3 origin_;
-  Vec3 extent_;                            ///< of the box, in voxels of the finest level
-  double per_cell_;                        ///< 1 / side of a voxel of the finest level
-  double weight_;                          ///< r·r, where all radii are equal
-  double surely_inside_, surely_outside_;  ///< bounds on a rounded squared distance that decide without exact arithmetic
-  std::vector<Level> levels_;              ///< coarsest first
+  Vec3 extent_;                ///< of the box, in voxels of the finest level
+  double per_cell_;            ///< 1 / side of a voxel of the finest level
+  bool equal_;                 ///< one radius for all
+  double weight_;              ///< its square, rounded
+  std::vector<Level> levels_;  ///< coarsest first
   std::vector<Block> blocks_;
   std::vector<std::int32_t> free_blocks_;
   std::vector<double> weights_;  ///< by id, where radii differ

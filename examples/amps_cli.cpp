@@ -427,7 +427,6 @@ amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name) {
 }
 
 amps::SizingField make_sizing(const SizingRequest& request, const amps::Mesh& mesh) {
-  constexpr double kRatio = 16;         // r_max / r_min, as in the paper
   constexpr double kErrorScale = 1e-3;  // of the diagonal; any: the field is scaled
   amps::SizingField field;
   if (request.kind == "uniform") return field;
@@ -440,10 +439,10 @@ amps::SizingField make_sizing(const SizingRequest& request, const amps::Mesh& me
   } else {
     field = file_sizing(mesh, request.kind);
   }
-  if (request.count > 0) return amps::for_count(field.with_ratio(kRatio), request.count, request.gradation);
+  if (request.count > 0) return amps::for_count(field.with_ratio(), request.count, request.gradation);
   if (request.least > 0 || request.greatest > 0) {
-    const double least = request.least > 0 ? request.least : request.greatest / kRatio;
-    field = field.clamped(least, request.greatest > 0 ? request.greatest : kRatio * least);
+    const double least = request.least > 0 ? request.least : request.greatest / amps::kDefaultRatio;
+    field = field.clamped(least, request.greatest > 0 ? request.greatest : amps::kDefaultRatio * least);
   }
   return field.limited(request.gradation);
 }

@@ -1,4 +1,5 @@
 // Sampling with radii that vary over the surface: sampling.h and remesh.h with a sizing field.
+#include "amps/maximality.h"
 #include "amps/quality.h"
 #include "amps/remesh.h"
 #include "amps/sampling.h"

@@ -235,9 +235,15 @@ TEST_CASE("exact: Int is a ring, for all widths the predicates use") {
   check_ring<4, 2>(10000);
   check_ring<6, 4>(5000);
   check_ring<6, 6>(5000);
+  check_ring<4, 1>(5000);  // coverage: scaled_power, in the narrow, middle and wide widths
+  check_ring<5, 5>(5000);
+  check_ring<8, 2>(5000);
+  check_ring<10, 10>(2000);
   check_ring<34, 34>(300);
   check_ring<68, 34>(200);
   check_ring<102, 68>(50);
+  check_ring<272, 68>(20);
+  check_ring<170, 170>(20);
 }
 
 #if defined(__SIZEOF_INT128__)

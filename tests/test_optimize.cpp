@@ -1,6 +1,7 @@
 // Optimisation: what it promises of every state, counted anew from the samples alone.
 #include "amps/optimize.h"
 
+#include "amps/maximality.h"
 #include "amps/remesh.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"

@@ -1,5 +1,6 @@
 #include "amps/sampling.h"
 
+#include "amps/maximality.h"
 #include "amps/quality.h"
 #include "amps/remesh.h"
 #include "amps/shapes.h"

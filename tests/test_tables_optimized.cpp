@@ -1,5 +1,6 @@
 // Optimised sets as the paper tabulates them, and the pair correlation they are judged by.
 #include "amps/optimize.h"
+#include "amps/maximality.h"
 #include "amps/quality.h"
 #include "amps/remesh.h"
 #include "amps/sampling.h"

@@ -1,6 +1,7 @@
 // Trial patches against the dual triangulation itself. In a plane their dual points are the true ones.
 #include "amps/trial_patch.h"
 
+#include "amps/maximality.h"
 #include "amps/remesh.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"

@@ -11,6 +11,7 @@
 #include <vector>
 
 using amps::Box;
+using amps::ConflictRule;
 using amps::Index;
 using amps::kNone;
 using amps::Rng;
@@ -31,6 +32,10 @@ Box box_of(const Vec3& min, const Vec3& max) {
   return box;
 }
 
+bool conflicts(const VoxelGrid& grid, const Vec3& x, double radius) {
+  return grid.conflicting_sample(x, radius, ConflictRule::kMax) != kNone;
+}
+
 }  // namespace
 
 TEST_CASE("voxel_grid: agrees with all pairs, whatever the radius, the box and the crowding") {
@@ -38,26 +43,26 @@ TEST_CASE("voxel_grid: agrees with all pairs, whatever the radius, the box and t
   for (const double radius : {0.02, 0.11, 0.5, 3.0}) {
     for (const double shift : {0.0, 1000.0, -1e6}) {
       const Box box = box_of(Vec3(shift, shift - 1, shift), Vec3(shift + 1, shift, shift + 0.25));
-      VoxelGrid grid(box, radius);
+      VoxelGrid grid(box, radius, radius);
       std::vector<Vec3> samples;
-      int conflicts = 0;
+      int conflicting = 0;
       for (int dart = 0; dart < 2500; ++dart) {
         // Up to r outside of the box too.
         Vec3 x = point_in_box(rng, box);
         if (dart % 7 == 0) x += radius * (2 * Vec3(rng.uniform(), rng.uniform(), rng.uniform()) - Vec3::Ones());
         bool expected = false;
         for (const Vec3& s : samples) expected |= (s - x).norm() < radius;
-        REQUIRE(grid.conflicts(x) == expected);
-        conflicts += expected;
-        const Index hit = grid.conflicting_sample(x);
+        REQUIRE(conflicts(grid, x, radius) == expected);
+        conflicting += expected;
+        const Index hit = grid.conflicting_sample(x, radius, ConflictRule::kMax);
         REQUIRE((hit != kNone) == expected);
         if (hit != kNone) REQUIRE((samples[static_cast<std::size_t>(hit)] - x).norm() < radius);
         if (!expected || dart % 5 == 0) {  // conflicting ones now and then: voxels with many samples
-          grid.insert(x, static_cast<Index>(samples.size()));
+          grid.insert(x, radius, static_cast<Index>(samples.size()));
           samples.push_back(x);
         }
       }
-      CHECK(conflicts > 0);
+      CHECK(conflicting > 0);
     }
   }
 }
@@ -71,17 +76,17 @@ TEST_CASE("voxel_grid: a point at distance exactly r is no conflict, the next do
     const Box box = box_of(Vec3::Constant(-100 * scale), Vec3::Constant(100 * scale));
     for (int place = 0; place < 40; ++place) {
       const Vec3 p = Vec3(place, 2 * place - 17, 31 - place) * scale;
-      VoxelGrid grid(box, radius);
-      grid.insert(p, 0);
+      VoxelGrid grid(box, radius, radius);
+      grid.insert(p, radius, 0);
       for (const Vec3& d : directions) {
         Vec3 x = p + d * scale;
-        CHECK_FALSE(grid.conflicts(x));
+        CHECK_FALSE(conflicts(grid, x, radius));
         int axis;
         d.cwiseAbs().maxCoeff(&axis);
         x[axis] = std::nextafter(x[axis], p[axis]);
-        CHECK(grid.conflicts(x));
+        CHECK(conflicts(grid, x, radius));
       }
-      CHECK(grid.conflicting_sample(p) == 0);
+      CHECK(grid.conflicting_sample(p, radius, ConflictRule::kMax) == 0);
     }
   }
 }
@@ -96,10 +101,10 @@ TEST_CASE("voxel_grid: near the radius the decision is the exact one") {
     const Vec3 p = point_in_box(rng, box);
     Vec3 d = point_in_box(rng, box) - Vec3::Constant(0.5);
     const Vec3 x = p + d * (radius / d.norm());
-    VoxelGrid grid(box, radius);
-    grid.insert(p, 7);
+    VoxelGrid grid(box, radius, radius);
+    grid.insert(p, radius, 7);
     const bool exact = amps::side_of_ball(x.data(), p.data(), weight) < 0;
-    REQUIRE(grid.conflicts(x) == exact);
+    REQUIRE(conflicts(grid, x, radius) == exact);
     (exact ? inside : outside) += 1;
     undecided_by_doubles += exact != ((x - p).squaredNorm() < weight);
   }
@@ -111,33 +116,33 @@ TEST_CASE("voxel_grid: near the radius the decision is the exact one") {
 TEST_CASE("voxel_grid: up to a million radii a side, down to radii that need scaling, and no further") {
   const double r = 1e-6;
   const Box unit = box_of(Vec3::Zero(), Vec3::Ones());
-  REQUIRE(VoxelGrid::fits(unit, r));
-  VoxelGrid grid(unit, r);
+  REQUIRE(VoxelGrid::fits(unit, r, r));
+  VoxelGrid grid(unit, r, r);
   Rng rng(4);
   std::vector<Vec3> samples;
   for (Index i = 0; i < 5000; ++i) {
     samples.push_back(point_in_box(rng, unit));
-    grid.insert(samples.back(), i);
+    grid.insert(samples.back(), r, i);
   }
   for (int corner = 0; corner < 8; ++corner) {
     samples.emplace_back(corner & 1, corner >> 1 & 1, corner >> 2 & 1);
-    grid.insert(samples.back(), static_cast<Index>(samples.size() - 1));
+    grid.insert(samples.back(), r, static_cast<Index>(samples.size() - 1));
   }
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const Vec3& s = samples[i];
-    CHECK(grid.conflicting_sample(s) == static_cast<Index>(i));
-    CHECK(grid.conflicts(s + Vec3(-0.9 * r, 0.1 * r, -0.1 * r)));
-    CHECK(grid.conflicts(s + Vec3(0.5 * r, 0.5 * r, 0.6 * r)));
-    CHECK_FALSE(grid.conflicts(s + Vec3(0, 0, i % 2 == 0 ? 1.01 * r : -1.01 * r)));
+    CHECK(grid.conflicting_sample(s, r, ConflictRule::kMax) == static_cast<Index>(i));
+    CHECK(conflicts(grid, s + Vec3(-0.9 * r, 0.1 * r, -0.1 * r), r));
+    CHECK(conflicts(grid, s + Vec3(0.5 * r, 0.5 * r, 0.6 * r), r));
+    CHECK_FALSE(conflicts(grid, s + Vec3(0, 0, i % 2 == 0 ? 1.01 * r : -1.01 * r), r));
   }
 
-  CHECK_FALSE(VoxelGrid::fits(unit, 1e-8));
-  CHECK_FALSE(VoxelGrid::fits(unit, 0));
-  CHECK_FALSE(VoxelGrid::fits(unit, std::numeric_limits<double>::quiet_NaN()));
-  CHECK_FALSE(VoxelGrid::fits(unit, 1e-200));
-  CHECK_FALSE(VoxelGrid::fits(unit, std::numeric_limits<double>::infinity()));
-  CHECK(VoxelGrid::fits(box_of(Vec3::Zero(), Vec3::Constant(1e-100)), 1e-103));
-  CHECK(VoxelGrid::fits(unit, 1e100));
+  CHECK_FALSE(VoxelGrid::fits(unit, 1e-8, 1e-8));
+  CHECK_FALSE(VoxelGrid::fits(unit, 0, 0));
+  CHECK_FALSE(VoxelGrid::fits(unit, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()));
+  CHECK_FALSE(VoxelGrid::fits(unit, 1e-200, 1e-200));
+  CHECK_FALSE(VoxelGrid::fits(unit, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()));
+  CHECK(VoxelGrid::fits(box_of(Vec3::Zero(), Vec3::Constant(1e-100)), 1e-103, 1e-103));
+  CHECK(VoxelGrid::fits(unit, 1e100, 1e100));
 }
 
 TEST_CASE("voxel_grid: with many radii it agrees with all pairs, by either rule, and finds the nearest sample") {
@@ -171,10 +176,11 @@ TEST_CASE("voxel_grid: with many radii it agrees with all pairs, by either rule,
           covered |= d < s.radius;
           nearest = std::min(nearest, (x - s.position).squaredNorm());
         }
-        const Index max_hit = grid.conflicting_sample_by_max(x, radius), min_hit = grid.conflicting_sample_by_min(x, radius);
+        const Index max_hit = grid.conflicting_sample(x, radius, ConflictRule::kMax),
+                    min_hit = grid.conflicting_sample(x, radius, ConflictRule::kMin);
         REQUIRE((max_hit != kNone) == max_conflict);
         REQUIRE((min_hit != kNone) == min_conflict);
-        REQUIRE((grid.conflicting_sample_by_max(x, 0) != kNone) == covered);
+        REQUIRE((grid.conflicting_sample(x, 0, ConflictRule::kMax) != kNone) == covered);
         if (max_hit != kNone) {
           const Stored& s = samples[static_cast<std::size_t>(max_hit)];
           REQUIRE((s.position - x).norm() < std::max(radius, s.radius));
@@ -217,9 +223,9 @@ TEST_CASE("voxel_grid: with many radii a point at distance exactly r is no confl
           VoxelGrid grid(box, 0.5, 64);
           grid.insert(p, large_is_stored ? 13 : other, 0);
           const double radius = large_is_stored ? other : 13;
-          CHECK(grid.conflicting_sample_by_max(p + d, radius) == kNone);
-          CHECK(grid.conflicting_sample_by_max(inward, radius) == 0);
-          CHECK((grid.conflicting_sample_by_min(inward, radius) == 0) == (other == 13));
+          CHECK(grid.conflicting_sample(p + d, radius, ConflictRule::kMax) == kNone);
+          CHECK(grid.conflicting_sample(inward, radius, ConflictRule::kMax) == 0);
+          CHECK((grid.conflicting_sample(inward, radius, ConflictRule::kMin) == 0) == (other == 13));
         }
       }
     }
@@ -242,7 +248,7 @@ TEST_CASE("voxel_grid: samples come and go, and it agrees with all pairs of thos
       VoxelGrid grid(box, least, greatest);
       std::vector<Stored> samples;  // by id
       std::vector<Index> there, free;
-      int conflicts = 0;
+      int conflicting = 0;
       for (int step = 0; step < 3000; ++step) {
         // Fills up, thins out, and so on: down to nothing now and then.
         const bool growing = step / 500 % 2 == 0;
@@ -287,7 +293,8 @@ TEST_CASE("voxel_grid: samples come and go, and it agrees with all pairs of thos
           by_min |= d < std::min(radius, s.radius);
           nearest = std::min(nearest, (x - s.position).squaredNorm());
         }
-        const Index max_hit = grid.conflicting_sample_by_max(x, radius), min_hit = grid.conflicting_sample_by_min(x, radius);
+        const Index max_hit = grid.conflicting_sample(x, radius, ConflictRule::kMax),
+                    min_hit = grid.conflicting_sample(x, radius, ConflictRule::kMin);
         REQUIRE((max_hit != kNone) == by_max);
         REQUIRE((min_hit != kNone) == by_min);
         for (const Index hit : {max_hit, min_hit}) {
@@ -302,9 +309,9 @@ TEST_CASE("voxel_grid: samples come and go, and it agrees with all pairs of thos
         } else {
           REQUIRE(found >= nearest);
         }
-        conflicts += by_max;
+        conflicting += by_max;
       }
-      CHECK(conflicts > 100);
+      CHECK(conflicting > 100);
       while (!there.empty()) {
         const Stored& s = samples[static_cast<std::size_t>(there.back())];
         grid.remove(s.position, s.radius, there.back());
@@ -312,7 +319,7 @@ TEST_CASE("voxel_grid: samples come and go, and it agrees with all pairs of thos
       }
       for (int dart = 0; dart < 100; ++dart) {
         const Vec3 x = point_in_box(rng, box);
-        REQUIRE(grid.conflicting_sample_by_max(x, greatest) == kNone);
+        REQUIRE(grid.conflicting_sample(x, greatest, ConflictRule::kMax) == kNone);
         REQUIRE(!(grid.nearest_squared_distance(x, greatest) <= greatest * greatest));
       }
     }
@@ -322,7 +329,7 @@ TEST_CASE("voxel_grid: samples come and go, and it agrees with all pairs of thos
 TEST_CASE("voxel_grid: with equal radii too, samples come and go") {
   const Box box = box_of(Vec3::Zero(), Vec3::Ones());
   const double radius = 0.15;
-  VoxelGrid grid(box, radius);
+  VoxelGrid grid(box, radius, radius);
   Rng rng(22);
   std::vector<Vec3> samples;
   std::vector<Index> there;
@@ -335,13 +342,13 @@ TEST_CASE("voxel_grid: with equal radii too, samples come and go") {
     } else {
       there.push_back(static_cast<Index>(samples.size()));
       samples.push_back(point_in_box(rng, box));
-      grid.insert(samples.back(), there.back());
+      grid.insert(samples.back(), radius, there.back());
     }
     const Vec3 x = point_in_box(rng, box);
     bool expected = false;
     for (const Index id : there) expected |= (samples[static_cast<std::size_t>(id)] - x).norm() < radius;
-    REQUIRE(grid.conflicts(x) == expected);
-    const Index hit = grid.conflicting_sample(x);
+    REQUIRE(conflicts(grid, x, radius) == expected);
+    const Index hit = grid.conflicting_sample(x, radius, ConflictRule::kMax);
     if (hit != kNone) REQUIRE(std::find(there.begin(), there.end(), hit) != there.end());
   }
 }

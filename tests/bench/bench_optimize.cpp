@@ -8,6 +8,7 @@
 //   amps_bench --benchmark_filter=optimize_scaling   10k, 100k and 1M samples: about 2 minutes and 1.5 GB
 //   amps_bench --benchmark_filter=optimize_threads
 //   amps_bench --benchmark_filter=optimize_randomness
+#include "amps/maximality.h"
 #include "amps/optimize.h"
 #include "amps/power_diagram.h"
 #include "amps/remesh.h"

@@ -6,6 +6,7 @@
 //   amps_bench --benchmark_filter=scaling       10k, 100k and 1M samples: about 2 minutes and 1.5 GB
 //   amps_bench --benchmark_filter=edit          local removal and insertion in the diagram
 //   amps_bench --benchmark_filter=table2
+#include "amps/maximality.h"
 #include "amps/power_diagram.h"
 #include "amps/remesh.h"
 #include "amps/sampling.h"

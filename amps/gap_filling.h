@@ -1,0 +1,99 @@
+// gap_filling.h (internal): fills the gaps of a sample set, for whoever has one. Gaps are found in the restricted power diagram
+// of the set; a gap is chosen with probability in proportion to ρ × area, a uniform random point of it becomes a sample, and
+// what that has changed in the diagram is looked at anew, until no gap is left.
+//
+// Yan & Wonka, "Gap Processing for Adaptive Maximal Poisson-disk Sampling", ACM TOG 32(5), 2013, §4. Where we differ: large
+// sets are filled stretch by stretch along a curve in space, see kFragmentsAtATime.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/gaps.h"
+#include "amps/power_diagram.h"
+#include "amps/samples.h"
+#include "amps/voxel_grid.h"
+#include "amps/wanted_radii.h"
+
+#include <cstddef>
+#include <functional>
+#include <limits>
+#include <vector>
+
+namespace amps::detail {
+
+/// Non-negative weights with O(log n) update and choice in proportion to them. Sums are recomputed from the leaves, never
+/// incremented, so they depend on the weights alone.
+class SumTree {
+ public:
+  double total() const { return nodes_.empty() ? 0.0 : nodes_[1]; }
+
+  /// i ≥ 0; weights not set are 0.
+  void set(Index i, double weight);
+
+  /// Of the first `stretch` leaves (a power of two, aligned) that have any weight, the one where their running sum passes u
+  /// times their total, u in [0, 1); one of positive weight. Requires total() > 0.
+  Index pick(double u, std::size_t stretch) const;
+
+ private:
+  void grow(std::size_t wanted);
+
+  std::vector<double> nodes_;  ///< children of node i: 2i and 2i + 1; leaves last
+  std::size_t leaves_ = 0;
+};
+
+/// When to stop before all gaps are filled.
+struct GapFillLimits {
+  Index max_samples = std::numeric_limits<Index>::max();
+  const Progress* progress = nullptr;
+};
+
+/// What came of it.
+struct GapFilling {
+  enum class End { kFilled, kGaveUp, kCancelled } end = End::kFilled;  ///< kGaveUp: max_samples were not enough
+  Index samples = 0;                                                   ///< entered
+  Index unfilled = 0;  ///< gaps that hold no double at the wanted distance: 0 unless the mesh lies > 1e6·r from the origin
+  /// Is every point of what was looked at covered?
+  bool complete() const { return end == End::kFilled && unfilled == 0; }
+};
+
+/// Keeps the gap area of fragments times ρ there. To fill all gaps: look_at_all(), fill(). After a local change of the diagram,
+/// where all else is covered: look_at() what has changed, fill(), forget(). One object per thread.
+class GapFiller {
+ public:
+  /// Enters a sample into the diagram, the grid, and whatever else its owner keeps: that is also where a caller who may want to
+  /// undo it all takes notes. `near`: a site close to it. The filler looks at the diagram's changed() afterwards.
+  using Enter = std::function<void(const Sample& sample, Index near)>;
+
+  /// All must outlive it. The grid holds the sites of the diagram that are not removed, with radii whose rounded squares are
+  /// their weights.
+  GapFiller(const RestrictedPowerDiagram& diagram, const VoxelGrid& grid, const WantedRadii& radii)
+      : diagram_(diagram), grid_(grid), radii_(radii) {}
+
+  /// O(n log n), with nothing looked at before.
+  void look_at_all();
+  /// Slots of fragments, alive or not, in any order. O(log n) each.
+  void look_at(const std::vector<Index>& fragments);
+  /// As if nothing had been looked at. O(what was looked at).
+  void forget();
+
+  bool has_gaps() const { return gaps_.total() > 0; }
+  /// Darts into the gaps of what was looked at, and of what changes meanwhile.
+  GapFilling fill(Rng& rng, const GapFillLimits& limits, const Enter& enter);
+
+ private:
+  Index leaf(Index f);
+  void refresh(Index f);
+  bool surely_covered(Index f) const;
+  double relative_density(const RestrictedPowerDiagram::Polygon& polygon) const;
+  bool throw_darts_into(Index f, Rng& rng, Sample& sample);
+  bool is_free(const Vec3& x, const RestrictedPowerDiagram::Polygon& polygon, double slack) const;
+
+  const RestrictedPowerDiagram& diagram_;
+  const VoxelGrid& grid_;
+  const WantedRadii& radii_;
+  FragmentGap gap_;
+  SumTree gaps_;                    ///< by leaf: ρ × area of the gap of a fragment
+  std::vector<Index> leaf_of_;      ///< by slot of a fragment; kNone: not looked at
+  std::vector<Index> fragment_at_;  ///< by leaf
+};
+
+}  // namespace amps::detail

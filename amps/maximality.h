@@ -1,0 +1,52 @@
+// maximality.h: the certificate of a sample set — how well its disks cover the surface, how far apart they are, and what they
+// leave open.
+//
+// A fragment of the restricted power diagram is a convex polygon, and a ball is convex: it covers a fragment of its own cell if
+// and only if it covers the corners. So coverage is a maximum over corners, and gaps are found fragment by fragment.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/mesh.h"
+#include "amps/power_diagram.h"
+#include "amps/samples.h"
+
+#include <iosfwd>
+#include <vector>
+
+namespace amps {
+
+/// Certificate of a sample set, computed from a fresh restricted power diagram.
+struct MaximalityReport {
+  double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r; maximal ⇔ ≤ 1 (+1e-9 rounding)
+  double worst_separation = 0;  ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample.
+                                ///< With ConflictRule::kMin: of |p_i − p_j|/min(r_i, r_j)
+  Index gaps = 0;       ///< fragments (restricted cell ∩ facet) that are not covered
+  double gap_area = 0;  ///< exact uncovered area, absolute
+  bool maximal(double tolerance = 1e-9) const { return worst_coverage <= 1 + tolerance; }
+  bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
+};
+/// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
+/// barycentrics are given but not one a sample; kInvalidMesh.
+MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1,
+                                ConflictRule rule = ConflictRule::kMax);
+std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
+
+/// The uncovered part of the surface as triangles: the gap primitives. Each triangle contains a piece of a gap (and may
+/// overlap a disk by its circular segment); their union covers all gaps.
+struct GapSet {
+  Mesh primitives;            ///< #T triangles, vertices not shared between gaps
+  std::vector<Index> facets;  ///< #T, the input facet a primitive lies in
+  Index gaps = 0;             ///< uncovered fragments
+  double area = 0;            ///< exact uncovered area (less than that of the primitives)
+};
+GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
+
+namespace detail {
+
+/// Throws what verify_maximal documents.
+RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, unsigned threads);
+MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule = ConflictRule::kMax);
+
+}  // namespace detail
+
+}  // namespace amps

@@ -1,0 +1,158 @@
+#define AMPS_OWN_SOURCE
+#include "amps/mesh_edges.h"
+
+#include <algorithm>
+#include <cstring>
+#include <numeric>
+
+namespace amps::detail {
+namespace {
+
+/// Sorts by the higher vertex; sides of equal ones keep their order. Nearly always a handful.
+void sort_by_high(EdgeSide* first, EdgeSide* last) {
+  constexpr std::ptrdiff_t kMaxInserted = 24;
+  if (last - first > kMaxInserted) {
+    std::stable_sort(first, last, [](const EdgeSide& a, const EdgeSide& b) { return a.high < b.high; });
+    return;
+  }
+  for (EdgeSide* next = first; next < last; ++next) {
+    const EdgeSide taken = *next;
+    EdgeSide* to = next;
+    for (; to > first && to[-1].high > taken.high; --to) *to = to[-1];
+    *to = taken;
+  }
+}
+
+}  // namespace
+
+MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const std::vector<char>& counted)
+    : num_corners_(3 * static_cast<std::size_t>(triangles.rows())) {
+  const auto num_facets = static_cast<Index>(triangles.rows());
+  const auto for_each_side = [&](auto&& body) {
+    for (Index f = 0; f < num_facets; ++f) {
+      if (!counted.empty() && counted[slot(f)] == 0) continue;
+      const Index v[3] = {triangles(f, 0), triangles(f, 1), triangles(f, 2)};
+      for (std::uint8_t k = 0; k < 3; ++k) {
+        const Index from = v[k], to = v[k == 2 ? 0 : k + 1];
+        const bool forward = from <= to;
+        body(forward ? from : to, EdgeSide{forward ? to : from, f, k, forward});
+      }
+    }
+  };
+  // By lower vertex, facet by facet: a counting sort.
+  std::vector<std::size_t> start(slot(num_vertices) + 2, 0);
+  for_each_side([&](Index low, const EdgeSide&) { ++start[slot(low) + 2]; });
+  std::partial_sum(start.begin(), start.end(), start.begin());
+  sides_.resize(start.back());
+  for_each_side([&](Index low, const EdgeSide& side) { sides_[start[slot(low) + 1]++] = side; });
+  begin_.reserve(sides_.size() / 2 + 1);
+  low_.reserve(sides_.size() / 2);
+  for (Index low = 0; low < num_vertices; ++low) {
+    EdgeSide* const first = sides_.data() + start[slot(low)];
+    EdgeSide* const last = sides_.data() + start[slot(low) + 1];
+    sort_by_high(first, last);
+    for (const EdgeSide* at = first; at < last; ++at) {
+      if (at > first && at[-1].high == at->high) continue;
+      begin_.push_back(static_cast<std::size_t>(at - sides_.data()));
+      low_.push_back(low);
+    }
+  }
+  begin_.push_back(sides_.size());
+}
+
+std::vector<std::size_t> MeshEdges::edge_of_sides() const {
+  std::vector<std::size_t> result(num_corners_, kNoEdge);
+  for (std::size_t e = 0; e < size(); ++e) {
+    for (const EdgeSide& side : (*this)[e]) result[side.corner()] = e;
+  }
+  return result;
+}
+
+UnionFind::UnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), std::size_t{0}); }
+
+std::size_t UnionFind::count(const std::vector<char>& member) {
+  std::size_t result = 0;
+  for (std::size_t i = 0; i < member.size(); ++i) result += member[i] != 0 && find(i) == i ? 1 : 0;
+  return result;
+}
+
+std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<char>& cut) {
+  UnionFind fans(edges.num_corners());
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    if (!cut.empty() && cut[e] != 0) continue;
+    const MeshEdge edge = edges[e];
+    for (const EdgeSide* side = edge.begin() + 1; side < edge.end(); ++side) {
+      fans.join(edge[0].low_corner(), side->low_corner());
+      fans.join(edge[0].high_corner(), side->high_corner());
+    }
+  }
+  std::vector<std::size_t> result(edges.num_corners());
+  for (std::size_t c = 0; c < result.size(); ++c) result[c] = fans.find(c);
+  return result;
+}
+
+std::vector<Index> fans_at_vertices(const TrianglesView& triangles, Index num_vertices, const std::vector<std::size_t>& fans,
+                                    const std::vector<char>& counted) {
+  std::vector<Index> result(slot(num_vertices), 0);
+  for (std::size_t c = 0; c < fans.size(); ++c) {
+    if (fans[c] != c || (!counted.empty() && counted[c / 3] == 0)) continue;
+    ++result[slot(triangles(static_cast<Eigen::Index>(c / 3), static_cast<Eigen::Index>(c % 3)))];
+  }
+  return result;
+}
+
+DistinctPoints::DistinctPoints(std::size_t expected) {
+  std::size_t capacity = 16;
+  while (capacity < 2 * expected) capacity *= 2;
+  table_.assign(capacity, kNone);
+  coordinates_.reserve(3 * expected);
+}
+
+Index DistinctPoints::find_or_add(const Vec3& x) {
+  if (2 * slot(size()) >= table_.size()) grow_table();
+  const Index fresh = size();
+  if (!x.hasNaN()) {  // in the table it would never be found, and many would make long runs
+    Index& entry = table_[place(x)];
+    if (entry != kNone) return entry;
+    entry = fresh;
+  }
+  coordinates_.insert(coordinates_.end(), {x.x(), x.y(), x.z()});
+  return fresh;
+}
+
+std::size_t DistinctPoints::place(const Vec3& x) const {
+  std::uint64_t hash = 0;
+  for (int k = 0; k < 3; ++k) {
+    const double coordinate = x[k] + 0.0;  // −0 + 0 = +0: equal numbers have equal bits
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &coordinate, sizeof bits);
+    hash = (hash ^ bits) * 0x9e3779b97f4a7c15u;
+    hash ^= hash >> 32;
+  }
+  std::size_t at = hash & (table_.size() - 1);
+  while (table_[at] != kNone && (*this)[table_[at]] != x) at = (at + 1) & (table_.size() - 1);
+  return at;
+}
+
+void DistinctPoints::grow_table() {
+  table_.assign(4 * table_.size(), kNone);
+  for (Index i = 0; i < size(); ++i) {
+    if (!(*this)[i].hasNaN()) table_[place((*this)[i])] = i;
+  }
+}
+
+std::vector<Index> first_equal_vertices(const MeshView& mesh) {
+  const auto n = slot(mesh.num_vertices());
+  DistinctPoints points(n);
+  std::vector<Index> first(n), first_of_point;
+  first_of_point.reserve(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto v = static_cast<Index>(i);
+    const Index point = points.find_or_add(mesh.vertices.row(v).transpose());
+    if (slot(point) == first_of_point.size()) first_of_point.push_back(v);
+    first[i] = first_of_point[slot(point)];
+  }
+  return first;
+}
+
+}  // namespace amps::detail

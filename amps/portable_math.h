@@ -1,0 +1,28 @@
+// portable_math.h (internal): the constants of angles, and functions whose values in <cmath> differ between platforms, in fixed
+// series: the same bits everywhere, as long as nothing is contracted (base.h). Errors are a few units in the last place.
+#pragma once
+
+#include "amps/base.h"
+
+namespace amps::detail {
+
+inline constexpr double kPi = 3.14159265358979323846;
+inline constexpr double kRadiansPerDegree = kPi / 180;
+inline constexpr double kDegreesPerRadian = 180 / kPi;
+
+inline constexpr double to_radians(double angle_in_degrees) { return angle_in_degrees * kRadiansPerDegree; }
+inline constexpr double to_degrees(double angle_in_radians) { return angle_in_radians * kDegreesPerRadian; }
+
+/// sin x, |x| ≤ π/2.
+double portable_sine(double x);
+
+/// The cosine of an angle in [0, 180] degrees; exactly 0 for 90.
+inline double portable_cosine(double angle_in_degrees) { return portable_sine(to_radians(90 - angle_in_degrees)); }
+
+/// ln x, x > 0 and finite.
+double portable_log(double x);
+
+/// atanh(s)/s, |s| ≤ 0.172.
+double portable_atanh_over(double s);
+
+}  // namespace amps::detail

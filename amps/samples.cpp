@@ -1,0 +1,80 @@
+#define AMPS_OWN_SOURCE
+#include "amps/samples.h"
+
+#include <cmath>
+#include <string>
+#include <utility>
+
+namespace amps::detail {
+
+SurfacePoint surface_point_below(const MeshView& mesh, Index facet, const Vec3& x) {
+  const Vec3 a = mesh.corner(facet, 0), b = mesh.corner(facet, 1), c = mesh.corner(facet, 2);
+  const Vec3 normal = normal_of(mesh, facet);
+  Vec3 weight((b - x).cross(c - x).dot(normal), (c - x).cross(a - x).dot(normal), (a - x).cross(b - x).dot(normal));
+  weight = weight.cwiseMax(0.0);
+  return surface_point_at(mesh, facet, weight / weight.sum());
+}
+
+void require_sample_set(const SampleSet& samples) {
+  if (samples.size() == 0) throw Error(ErrorCode::kInvalidArgument, "samples: the set is empty; give at least one sample");
+  if (samples.radii.size() != samples.positions.rows()) {
+    throw Error(ErrorCode::kInvalidArgument, "samples: " + std::to_string(samples.positions.rows()) + " positions with " +
+                                                 std::to_string(samples.radii.size()) + " radii; give one radius a sample");
+  }
+  const bool placed = !samples.facets.empty() || samples.barycentrics.rows() != 0;
+  if (placed && (samples.facets.size() != static_cast<std::size_t>(samples.size()) ||
+                 samples.barycentrics.rows() != samples.positions.rows())) {
+    throw Error(ErrorCode::kInvalidArgument, "samples: " + std::to_string(samples.positions.rows()) + " positions with " +
+                                                 std::to_string(samples.facets.size()) + " facets and " +
+                                                 std::to_string(samples.barycentrics.rows()) +
+                                                 " barycentrics; give one of each a sample, or neither");
+  }
+  for (Index s = 0; s < samples.size(); ++s) {
+    if (!samples.positions.row(s).allFinite() || !(samples.radii[s] > 0) || !std::isfinite(samples.radii[s])) {
+      throw Error(ErrorCode::kInvalidArgument, "samples: sample " + std::to_string(s) +
+                                                   " has a coordinate that is not finite or a radius that is not positive; "
+                                                   "remove or repair it");
+    }
+  }
+}
+
+Sample sample_of(const SampleSet& samples, Index s) {
+  Sample result;
+  if (!samples.facets.empty()) {
+    result.at.facet = samples.facets[slot(s)];
+    result.at.barycentric = samples.barycentrics.row(s).transpose();
+  }
+  result.at.position = samples.positions.row(s).transpose();
+  result.radius = samples.radii[s];
+  return result;
+}
+
+void GrowingSet::add(const Sample& sample) {
+  const Vec3 &x = sample.position(), &b = sample.at.barycentric;
+  positions_.insert(positions_.end(), {x.x(), x.y(), x.z()});
+  barycentrics_.insert(barycentrics_.end(), {b.x(), b.y(), b.z()});
+  radii_.push_back(sample.radius);
+  facets_.push_back(sample.at.facet);
+}
+
+void GrowingSet::add_all(const SampleSet& samples) {
+  for (Index s = 0; s < samples.size(); ++s) add(sample_of(samples, s));
+}
+
+void GrowingSet::reorder(const std::vector<Index>& order) {
+  GrowingSet sorted;
+  for (const Index s : order) sorted.add((*this)[s]);
+  *this = std::move(sorted);
+}
+
+Sample GrowingSet::operator[](Index s) const {
+  return {{facets_[slot(s)], Eigen::Map<const Vec3>(barycentrics_.data() + 3 * slot(s)), position(s)}, radii_[slot(s)]};
+}
+
+SampleSet GrowingSet::finish() const {
+  const Eigen::Index n = size();
+  return {points(), Eigen::Map<const Eigen::VectorXd>(radii_.data(), n), facets_,
+          Eigen::Map<const Points>(barycentrics_.data(), n, 3)};
+}
+
+}  // namespace amps::detail

@@ -1,0 +1,71 @@
+#define AMPS_OWN_SOURCE
+#include "amps/thread_pool.h"
+
+#include <algorithm>
+#include <exception>
+#include <utility>
+
+namespace amps::detail {
+
+ThreadPool::ThreadPool(unsigned max_workers, Starter starter)
+    : max_workers_(std::max(1u, max_workers)), starter_(std::move(starter)) {}
+
+ThreadPool::~ThreadPool() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    closing_ = true;
+  }
+  work_there_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void ThreadPool::start_threads(unsigned wanted) {
+  wanted = std::min(wanted, max_workers_ - 1);
+  while (threads_.size() < wanted && !refused_) {
+    try {
+      threads_.reserve(wanted);  // a running thread that found no place here would end the program
+      const auto loop = [this] { wait_for_work(); };
+      threads_.push_back(starter_ ? starter_(loop) : std::thread(loop));
+    } catch (const std::exception&) {  // std::system_error or std::bad_alloc
+      refused_ = true;
+    }
+  }
+}
+
+void ThreadPool::run(unsigned count, const std::function<void(unsigned)>& work) {
+  if (count == 0) return;
+  start_threads(count - 1);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    work_ = &work;
+    next_ = 1;
+    count_ = count;
+  }
+  for (std::size_t i = 0; i < std::min<std::size_t>(count - 1, threads_.size()); ++i) work_there_.notify_one();
+  work(0);
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (next_ < count_) {  // what no thread has woken up for yet
+    const unsigned i = next_++;
+    lock.unlock();
+    work(i);
+    lock.lock();
+  }
+  work_done_.wait(lock, [this] { return running_ == 0; });
+}
+
+void ThreadPool::wait_for_work() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  for (;;) {
+    work_there_.wait(lock, [this] { return closing_ || next_ < count_; });
+    if (closing_) return;
+    const unsigned i = next_++;
+    ++running_;
+    const std::function<void(unsigned)>& work = *work_;
+    lock.unlock();
+    work(i);
+    lock.lock();
+    if (--running_ == 0) work_done_.notify_one();
+  }
+}
+
+}  // namespace amps::detail

@@ -1,0 +1,51 @@
+// thread_pool.h: (internal) threads that are started once and wait for work. One job owns one pool (execution.h).
+#pragma once
+
+#include "amps/base.h"
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace amps::detail {
+
+/// Threads for one caller at a time. They are started when the first work needs them, and joined by the destructor.
+class ThreadPool {
+ public:
+  /// Starts a thread that calls the function it is given, or throws; std::thread's constructor unless a test wants to see it
+  /// fail.
+  using Starter = std::function<std::thread(std::function<void()>)>;
+
+  /// At most `max_workers` (at least 1) do the work, the caller among them.
+  explicit ThreadPool(unsigned max_workers, Starter starter = {});
+  ~ThreadPool();
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
+
+  /// Calls work(0), …, work(count − 1), each once, on the caller's thread and the pool's; returns when all have returned. Where
+  /// the system refuses threads, those there are do all of it. `work` must not throw, and must not call run() of this pool.
+  void run(unsigned count, const std::function<void(unsigned)>& work);
+
+  /// How many threads have been started; the caller's is not one of them.
+  std::size_t num_threads() const noexcept { return threads_.size(); }
+
+ private:
+  void start_threads(unsigned wanted);
+  void wait_for_work();
+
+  const unsigned max_workers_;
+  const Starter starter_;
+  std::vector<std::thread> threads_;
+  bool refused_ = false;  // by the system: not asked again
+
+  std::mutex mutex_;  // of all below
+  std::condition_variable work_there_, work_done_;
+  const std::function<void(unsigned)>* work_ = nullptr;
+  unsigned next_ = 0, count_ = 0;  // the numbers of the work that nobody has taken yet: [next_, count_)
+  unsigned running_ = 0;           // how many of the pool's threads are at work
+  bool closing_ = false;
+};
+
+}  // namespace amps::detail

@@ -1,0 +1,315 @@
+#include "amps/gap_filling.h"
+#include "amps/maximality.h"
+#include "amps/sampling.h"
+#include "amps/shapes.h"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+using amps::ConflictRule;
+using amps::Index;
+using amps::Mesh;
+using amps::RestrictedPowerDiagram;
+using amps::Rng;
+using amps::SampleSet;
+using amps::SurfacePoint;
+using amps::Vec3;
+using amps::detail::GapFiller;
+using amps::detail::GapFilling;
+using amps::detail::GapFillLimits;
+using amps::detail::Sample;
+using amps::detail::SumTree;
+using amps::detail::WantedRadii;
+
+namespace {
+
+std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+/// A set that is edited as optimisation edits its own: diagram, grid and samples by id, ids used again.
+class EditedSet {
+ public:
+  EditedSet(const Mesh& mesh, const SampleSet& set, const WantedRadii& radii)
+      : diagram_(mesh, set.positions, set.radii.cwiseAbs2(), 1),
+        grid_(amps::bounding_box(mesh), radii.min_of_set(), radii.max_of_set()) {
+    for (Index s = 0; s < set.size(); ++s) {
+      samples_.push_back(amps::detail::sample_of(set, s));
+      grid_.insert(samples_.back().position(), samples_.back().radius, s);
+    }
+  }
+
+  const RestrictedPowerDiagram& diagram() const { return diagram_; }
+  const amps::detail::VoxelGrid& grid() const { return grid_; }
+  const Sample& operator[](Index s) const { return samples_[at(s)]; }
+
+  const std::vector<Index>& remove(Index s) {
+    grid_.remove(samples_[at(s)].position(), samples_[at(s)].radius, s);
+    diagram_.remove(s);
+    free_.push_back(s);
+    return diagram_.changed();
+  }
+
+  Index enter(const Sample& sample, Index near) {
+    Index s;
+    if (free_.empty()) {
+      s = diagram_.insert(sample.position(), sample.radius * sample.radius, near);
+      samples_.push_back(sample);
+    } else {
+      s = free_.back();
+      free_.pop_back();
+      diagram_.reinsert(s, sample.position(), sample.radius * sample.radius, near);
+      samples_[at(s)] = sample;
+    }
+    grid_.insert(sample.position(), sample.radius, s);
+    return s;
+  }
+
+  SampleSet finish() const {
+    amps::detail::GrowingSet result;
+    for (Index s = 0; s < diagram_.num_sites(); ++s) {
+      if (!diagram_.removed(s)) result.add(samples_[at(s)]);
+    }
+    return result.finish();
+  }
+
+ private:
+  RestrictedPowerDiagram diagram_;
+  amps::detail::VoxelGrid grid_;
+  std::vector<Sample> samples_;
+  std::vector<Index> free_;
+};
+
+/// Takes s out, and `more` of its neighbours; says which, and tells the filler.
+std::vector<Index> make_hole(EditedSet& set, GapFiller& filler, Index s, std::size_t more) {
+  std::vector<Index> around, removed = {s};
+  set.diagram().neighbors(s, around);
+  for (std::size_t k = 0; k < std::min(more, around.size()); ++k) removed.push_back(around[k]);
+  for (const Index r : removed) filler.look_at(set.remove(r));
+  return removed;
+}
+
+amps::SizingField field_along_x(const Mesh& mesh, double min, double max) {
+  const amps::Box box = amps::bounding_box(mesh);
+  return amps::function_sizing(mesh, [=](const SurfacePoint& p) {
+    return min + (max - min) * (p.position.x() - box.min.x()) / (box.max.x() - box.min.x());
+  });
+}
+
+}  // namespace
+
+TEST_CASE("gap_filling: a sum tree picks as a running sum does, within the first stretch that has any weight") {
+  Rng rng(1);
+  for (const std::size_t stretch : {std::size_t{4}, std::size_t{64}, std::size_t{1} << 20}) {
+    SumTree tree;
+    std::vector<double> weights(500, 0.0);
+    CHECK(tree.total() == 0);
+    for (int trial = 0; trial < 4000; ++trial) {
+      const std::size_t i = rng.below(weights.size());
+      weights[i] = trial % 3 == 0 ? 0.0 : static_cast<double>(rng.below(1000));  // whole numbers: sums are exact
+      if (trial % 50 == 0) std::fill(weights.begin(), weights.begin() + 200, 0.0);
+      if (trial % 50 == 0)
+        for (Index k = 0; k < 200; ++k) tree.set(k, 0.0);
+      tree.set(static_cast<Index>(i), weights[i]);
+      double total = 0;
+      for (const double w : weights) total += w;
+      REQUIRE(tree.total() == total);
+      if (total == 0) continue;
+      std::size_t begin = 0, end = 0;
+      for (double inside = 0; inside == 0;) {
+        begin = end;
+        end = std::min(begin + stretch, weights.size());
+        for (std::size_t k = begin; k < end; ++k) inside += weights[k];
+      }
+      double inside = 0, sum = 0;
+      for (std::size_t k = begin; k < end; ++k) inside += weights[k];
+      const double u = static_cast<double>(rng.below(1024)) / 1024;
+      std::size_t expected = begin;
+      while (sum + weights[expected] <= u * inside) sum += weights[expected++];
+      REQUIRE(at(tree.pick(u, stretch)) == expected);
+    }
+  }
+}
+
+TEST_CASE("gap_filling: holes are filled where they are, by either rule, and the rest of the set stays") {
+  const Mesh mesh = amps::make_torus();
+  const double size = amps::bounding_box(mesh).diagonal();
+  const amps::SizingField field = field_along_x(mesh, 0.02 * size, 0.05 * size);
+  for (const ConflictRule rule : {ConflictRule::kMax, ConflictRule::kMin}) {
+    for (const WantedRadii& wanted : {WantedRadii(0.03 * size, rule), WantedRadii(field, rule)}) {
+      amps::SamplingOptions options;
+      options.conflict_rule = rule;
+      if (wanted.constant()) {
+        options.radius = wanted.min();
+      } else {
+        options.sizing = field;
+      }
+      const SampleSet start = amps::sample(mesh, options).samples;
+      const WantedRadii radii = wanted.beside(start.radii.minCoeff(), start.radii.maxCoeff());
+      EditedSet set(mesh, start, radii);
+      GapFiller filler(set.diagram(), set.grid(), radii);
+      CHECK(!filler.has_gaps());
+      Rng rng(3);
+      std::vector<char> gone(at(start.size()), 0);
+      for (int hole = 0; hole < 60; ++hole) {
+        Index s = static_cast<Index>(rng.below(at(start.size())));
+        if (set.diagram().removed(s)) continue;
+        for (const Index r : make_hole(set, filler, s, rng.below(4))) {
+          if (r < start.size()) gone[at(r)] = 1;
+        }
+        REQUIRE(filler.has_gaps());
+        Index entered = 0;
+        const GapFilling filled = filler.fill(rng, {}, [&](const Sample& sample, Index near) {
+          ++entered;
+          CHECK(sample.position() == amps::detail::position_of(mesh, sample.at));
+          CHECK(sample.radius <= radii.at(sample.at));
+          CHECK(sample.radius >= radii.min_of_set() * (1 - 1e-14));
+          if (rule == ConflictRule::kMin) CHECK(sample.radius == radii.at(sample.at));
+          for (Index k = 0; k < set.diagram().num_sites(); ++k) {
+            if (!set.diagram().removed(k)) REQUIRE(amps::detail::are_apart(sample, set[k], rule));
+          }
+          set.enter(sample, near);
+        });
+        CHECK(filled.complete());
+        CHECK(filled.samples == entered);
+        CHECK(!filler.has_gaps());
+        filler.forget();
+      }
+      const amps::MaximalityReport certificate = amps::verify_maximal(mesh, set.finish(), 1, rule);
+      CHECK(certificate.maximal());
+      CHECK(certificate.poisson_disk());
+      for (Index s = 0; s < start.size(); ++s) {
+        if (!gone[at(s)]) REQUIRE(set[s].position() == start.positions.row(s).transpose());
+      }
+    }
+  }
+}
+
+TEST_CASE("gap_filling: it gives up when it is told to, and what it has entered can be undone") {
+  const Mesh mesh = amps::make_sphere(1280);
+  amps::SamplingOptions options;
+  options.radius = 0.12;
+  const SampleSet start = amps::sample(mesh, options).samples;
+  const WantedRadii radii(0.12, ConflictRule::kMax);
+  EditedSet set(mesh, start, radii);
+  GapFiller filler(set.diagram(), set.grid(), radii);
+  Rng rng(4);
+  for (const Index s : {5, 77, 300}) {
+    const std::vector<Index> removed = make_hole(set, filler, s, 6);
+    GapFillLimits limits;
+    limits.max_samples = 2;
+    std::vector<Index> entered;
+    std::vector<Index> touched;
+    const GapFilling filled = filler.fill(rng, limits, [&](const Sample& sample, Index near) {
+      entered.push_back(set.enter(sample, near));
+      touched.insert(touched.end(), set.diagram().changed().begin(), set.diagram().changed().end());
+    });
+    CHECK(filled.end == GapFilling::End::kGaveUp);
+    CHECK(!filled.complete());
+    CHECK(filled.samples == 2);
+    CHECK(entered.size() == 2);
+    CHECK(filler.has_gaps());
+    filler.forget();
+    CHECK(!filler.has_gaps());  // of what it looks at
+
+    for (const Index e : entered) filler.look_at(set.remove(e));
+    CHECK(filler.has_gaps());
+    for (const Index r : removed) {
+      Sample old = amps::detail::sample_of(start, r);
+      set.enter(old, amps::kNone);
+      filler.look_at(set.diagram().changed());
+    }
+    CHECK(!filler.has_gaps());
+    filler.forget();
+  }
+  CHECK(amps::verify_maximal(mesh, set.finish()).maximal());
+
+  // All of a hole within the limit: filled, not given up.
+  make_hole(set, filler, 42, 0);
+  GapFillLimits limits;
+  limits.max_samples = 64;
+  CHECK(filler.fill(rng, limits, [&](const Sample& sample, Index near) { set.enter(sample, near); }).complete());
+}
+
+TEST_CASE("gap_filling: gaps are chosen in proportion to area times density") {
+  const Mesh mesh = amps::make_square(4);
+  const amps::SizingField field = field_along_x(mesh, 0.03, 0.09);
+  for (const WantedRadii& radii : {WantedRadii(0.06, ConflictRule::kMax), WantedRadii(field, ConflictRule::kMin)}) {
+    amps::SamplingOptions options;
+    options.conflict_rule = radii.rule();
+    if (radii.constant()) {
+      options.radius = radii.min();
+    } else {
+      options.sizing = field;
+    }
+    const SampleSet start = amps::sample(mesh, options).samples;
+    EditedSet set(mesh, start, radii);
+    GapFiller filler(set.diagram(), set.grid(), radii);
+    // Two holes: one sample on the left, a sample and two neighbours on the right.
+    const auto nearest_to = [&](const Vec3& x) {
+      Index best = 0;
+      for (Index s = 0; s < start.size(); ++s) {
+        if ((set[s].position() - x).norm() < (set[best].position() - x).norm()) best = s;
+      }
+      return best;
+    };
+    const amps::Box box = amps::bounding_box(mesh);
+    const auto inside = [&](double u, double v) {
+      return Vec3(box.min.x() + u * (box.max.x() - box.min.x()), box.min.y() + v * (box.max.y() - box.min.y()), box.min.z());
+    };
+    make_hole(set, filler, nearest_to(inside(0.25, 0.5)), 0);
+    make_hole(set, filler, nearest_to(inside(0.75, 0.5)), 2);
+    const double middle = 0.5 * (box.min.x() + box.max.x());
+
+    // The oracle: points on a fine grid that no disk holds, each with 1/r².
+    double weight[2] = {0, 0};
+    const SampleSet left = set.finish();
+    constexpr int kSteps = 700;
+    for (int i = 0; i < kSteps; ++i) {
+      for (int j = 0; j < kSteps; ++j) {
+        const Vec3 x = inside((i + 0.5) / kSteps, (j + 0.5) / kSteps);
+        if (set.grid().conflicting_sample(x, 0, ConflictRule::kMax) != amps::kNone) continue;
+        const double along = (x.x() - box.min.x()) / (box.max.x() - box.min.x());
+        const double r = radii.constant() ? 1 : 0.03 + 0.06 * along;
+        weight[x.x() > middle] += 1 / (r * r);
+      }
+    }
+    REQUIRE(weight[0] > 0);
+    REQUIRE(weight[1] > 0);
+    const double expected = weight[1] / (weight[0] + weight[1]);
+    CHECK(expected > 0.1);
+    CHECK(expected < 0.9);
+
+    constexpr int kTrials = 20000;
+    GapFillLimits one;
+    one.max_samples = 1;
+    int on_the_right = 0;
+    Rng rng(9);
+    for (int trial = 0; trial < kTrials; ++trial) {
+      filler.fill(rng, one, [&](const Sample& sample, Index) { on_the_right += sample.position().x() > middle; });
+    }
+    const double sigma = std::sqrt(expected * (1 - expected) / kTrials);
+    // Density is taken in the middle of a fragment, and the oracle's grid is coarse: 2 %.
+    CHECK(std::fabs(on_the_right / double{kTrials} - expected) < 4 * sigma + 0.02 * expected);
+  }
+}
+
+TEST_CASE("gap_filling: a whole surface can be filled from a diagram with removed sites") {
+  const Mesh mesh = amps::make_cube(4);
+  amps::SamplingOptions options;
+  options.radius = 0.07;
+  const SampleSet start = amps::sample(mesh, options).samples;
+  const WantedRadii radii(0.07, ConflictRule::kMax);
+  EditedSet set(mesh, start, radii);
+  for (Index s = 0; s < start.size(); s += 3) set.remove(s);
+  GapFiller filler(set.diagram(), set.grid(), radii);
+  filler.look_at_all();
+  CHECK(filler.has_gaps());
+  Rng rng(6);
+  CHECK(filler.fill(rng, {}, [&](const Sample& sample, Index near) { set.enter(sample, near); }).complete());
+  const amps::MaximalityReport certificate = amps::verify_maximal(mesh, set.finish());
+  CHECK(certificate.maximal());
+  CHECK(certificate.poisson_disk());
+}

@@ -1,0 +1,260 @@
+#include "amps/mesh_edges.h"
+
+#include "amps/mesh.h"
+#include "amps/shapes.h"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <set>
+#include <utility>
+#include <vector>
+
+using amps::Index;
+using amps::kNone;
+using amps::Mesh;
+using amps::Rng;
+using amps::detail::DistinctPoints;
+using amps::detail::EdgeSide;
+using amps::detail::MeshEdge;
+using amps::detail::MeshEdges;
+using amps::detail::UnionFind;
+
+namespace {
+
+/// Facets with corners at random: few vertices, so that edges have any number of facets, and indices repeat.
+Mesh random_facets(Index num_vertices, Index num_facets, std::uint64_t seed) {
+  Rng rng(seed);
+  Mesh mesh;
+  mesh.vertices.resize(num_vertices, 3);
+  for (Index v = 0; v < num_vertices; ++v) {
+    for (int k = 0; k < 3; ++k) mesh.vertices(v, k) = rng.uniform();
+  }
+  mesh.triangles.resize(num_facets, 3);
+  for (Index f = 0; f < num_facets; ++f) {
+    for (int k = 0; k < 3; ++k) mesh.triangles(f, k) = static_cast<Index>(rng.below(static_cast<std::uint64_t>(num_vertices)));
+  }
+  return mesh;
+}
+
+std::vector<char> random_flags(std::size_t n, double share, std::uint64_t seed) {
+  Rng rng(seed);
+  std::vector<char> flags(n);
+  for (char& flag : flags) flag = rng.uniform() < share ? 1 : 0;
+  return flags;
+}
+
+using SidesByEdge = std::map<std::pair<Index, Index>, std::vector<std::array<Index, 3>>>;  // facet, k, forward
+
+SidesByEdge brute_sides(const Mesh& mesh, const std::vector<char>& counted) {
+  SidesByEdge result;
+  for (Index f = 0; f < mesh.triangles.rows(); ++f) {
+    if (!counted.empty() && counted[static_cast<std::size_t>(f)] == 0) continue;
+    for (Index k = 0; k < 3; ++k) {
+      const Index a = mesh.triangles(f, k), b = mesh.triangles(f, (k + 1) % 3);
+      result[std::minmax(a, b)].push_back({f, k, a <= b ? 1 : 0});
+    }
+  }
+  return result;
+}
+
+void require_same_sides(const Mesh& mesh, const std::vector<char>& counted) {
+  const MeshEdges edges(mesh.triangles, static_cast<Index>(mesh.vertices.rows()), counted);
+  const SidesByEdge wanted = brute_sides(mesh, counted);
+  REQUIRE(edges.size() == wanted.size());
+  REQUIRE(edges.num_corners() == 3 * static_cast<std::size_t>(mesh.triangles.rows()));
+  const std::vector<std::size_t> edge_of_side = edges.edge_of_sides();
+  std::size_t e = 0, sides = 0;
+  for (const auto& [ends, list] : wanted) {  // a map: by lower, then by higher vertex
+    const MeshEdge edge = edges[e];
+    REQUIRE(edge.low == ends.first);
+    REQUIRE(edge.high == ends.second);
+    REQUIRE(edge.size() == list.size());
+    CHECK(edge.boundary() == (list.size() == 1));
+    CHECK(edge.non_manifold() == (list.size() > 2));
+    CHECK(edge.regular() == (list.size() == 2 && list[0][2] != list[1][2]));
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      const EdgeSide side = edge[i];
+      REQUIRE(side.facet == list[i][0]);
+      REQUIRE(side.k == list[i][1]);
+      REQUIRE(side.forward == (list[i][2] == 1));
+      const auto vertex = [&](std::size_t corner) {
+        return mesh.triangles(static_cast<Index>(corner / 3), static_cast<Index>(corner % 3));
+      };
+      REQUIRE(vertex(side.low_corner()) == edge.low);
+      REQUIRE(vertex(side.high_corner()) == edge.high);
+      REQUIRE(edge_of_side[side.corner()] == e);
+      ++sides;
+    }
+    ++e;
+  }
+  const auto none = std::count(edge_of_side.begin(), edge_of_side.end(), MeshEdges::kNoEdge);
+  CHECK(static_cast<std::size_t>(none) + sides == edges.num_corners());
+}
+
+/// Labels go round until nothing changes: corners of one vertex whose facets share an edge at it that is not cut.
+std::vector<std::size_t> brute_fans(const Mesh& mesh, const std::vector<char>& counted,
+                                    const std::set<std::pair<Index, Index>>& cut) {
+  const std::size_t n = 3 * static_cast<std::size_t>(mesh.triangles.rows());
+  const auto vertex = [&](std::size_t c) { return mesh.triangles(static_cast<Index>(c / 3), static_cast<Index>(c % 3)); };
+  const auto in_facet = [](std::size_t c, std::size_t step) { return c - c % 3 + (c % 3 + step) % 3; };
+  std::vector<std::size_t> label(n);
+  for (std::size_t c = 0; c < n; ++c) label[c] = c;
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (std::size_t a = 0; a < n; ++a) {
+      for (std::size_t b = 0; b < n; ++b) {
+        if (vertex(a) != vertex(b) || counted[a / 3] == 0 || counted[b / 3] == 0 || label[a] <= label[b]) continue;
+        bool joined = false;
+        for (const std::size_t i : {1u, 2u}) {
+          for (const std::size_t j : {1u, 2u}) {
+            const Index other = vertex(in_facet(a, i));
+            joined |= other == vertex(in_facet(b, j)) && cut.count(std::minmax(vertex(a), other)) == 0;
+          }
+        }
+        if (!joined) continue;
+        label[a] = label[b];
+        changed = true;
+      }
+    }
+  }
+  return label;
+}
+
+}  // namespace
+
+TEST_CASE("mesh_edges: each edge has the sides that lie on it, in the order of facets, with their directions") {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    CAPTURE(seed);
+    const Index num_vertices = seed % 2 == 0 ? 7 : 60;
+    const Mesh mesh = random_facets(num_vertices, 150, seed);
+    require_same_sides(mesh, {});
+    require_same_sides(mesh, random_flags(150, 0.7, seed));
+    require_same_sides(mesh, std::vector<char>(150, 0));
+  }
+  require_same_sides(amps::make_sphere(320), {});
+  require_same_sides(amps::make_square(6), {});
+  // A vertex with more edges than are sorted by insertion.
+  Mesh star;
+  star.vertices.setZero(101, 3);
+  star.triangles.resize(100, 3);
+  for (Index f = 0; f < 100; ++f) star.triangles.row(f) << (f + 1) % 100 + 1, 0, (37 * f) % 100 + 1;
+  require_same_sides(star, {});
+}
+
+TEST_CASE("mesh_edges: no facet, no edge") {
+  const MeshEdges edges(amps::Triangles(0, 3), 4);
+  CHECK(edges.size() == 0);
+  CHECK(edges.num_corners() == 0);
+  CHECK(amps::detail::corner_fans(edges).empty());
+}
+
+TEST_CASE("mesh_edges: fans are the corners of a vertex that are joined across edges without a cut") {
+  for (std::uint64_t seed = 0; seed < 30; ++seed) {
+    CAPTURE(seed);
+    Mesh mesh = random_facets(9, 24, 100 + seed);
+    std::vector<char> counted = random_flags(24, 0.9, seed);
+    for (Index f = 0; f < 24; ++f) {  // a facet with a repeated index has two corners at one vertex
+      const auto& t = mesh.triangles;
+      if (t(f, 0) == t(f, 1) || t(f, 1) == t(f, 2) || t(f, 2) == t(f, 0)) counted[static_cast<std::size_t>(f)] = 0;
+    }
+    const MeshEdges edges(mesh.triangles, 9, counted);
+    const std::vector<char> cut = seed % 3 == 0 ? std::vector<char>() : random_flags(edges.size(), 0.5, 7 * seed);
+    std::set<std::pair<Index, Index>> cut_pairs;
+    for (std::size_t e = 0; e < cut.size(); ++e) {
+      if (cut[e] != 0) cut_pairs.insert({edges[e].low, edges[e].high});
+    }
+    const std::vector<std::size_t> fans = amps::detail::corner_fans(edges, cut);
+    const std::vector<std::size_t> wanted = brute_fans(mesh, counted, cut_pairs);
+    CHECK(fans == wanted);
+    std::vector<std::set<std::size_t>> at(9);
+    for (std::size_t c = 0; c < wanted.size(); ++c) {
+      if (counted[c / 3] == 0) continue;
+      at[static_cast<std::size_t>(mesh.triangles(static_cast<Index>(c / 3), static_cast<Index>(c % 3)))].insert(wanted[c]);
+    }
+    const std::vector<Index> number = amps::detail::fans_at_vertices(mesh.triangles, 9, fans, counted);
+    for (std::size_t v = 0; v < at.size(); ++v) CHECK(number[v] == static_cast<Index>(at[v].size()));
+  }
+}
+
+TEST_CASE("mesh_edges: an edge that is cut makes two fans where it is crossed twice, and one where it ends") {
+  // A square of 2 by 2 cells: vertex 4 in the middle; its edges to 1, 3, 5, 7 and two diagonals.
+  const Mesh mesh = amps::make_square(2);
+  const MeshEdges edges(mesh.triangles, 9);
+  const auto fans_in_the_middle = [&](const std::set<Index>& cut_to) {
+    std::vector<char> cut(edges.size(), 0);
+    for (std::size_t e = 0; e < edges.size(); ++e) {
+      cut[e] =
+          (edges[e].low == 4 && cut_to.count(edges[e].high) != 0) || (edges[e].high == 4 && cut_to.count(edges[e].low) != 0);
+    }
+    return amps::detail::fans_at_vertices(mesh.triangles, 9, amps::detail::corner_fans(edges, cut))[4];
+  };
+  CHECK(fans_in_the_middle({}) == 1);
+  CHECK(fans_in_the_middle({1}) == 1);
+  CHECK(fans_in_the_middle({1, 7}) == 2);
+  CHECK(fans_in_the_middle({1, 3, 5, 7}) == 4);
+}
+
+TEST_CASE("mesh_edges: disjoint sets are the components of their joins, named by the smallest element") {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    CAPTURE(seed);
+    Rng rng(seed);
+    constexpr std::size_t kElements = 80;
+    UnionFind sets(kElements);
+    std::vector<std::size_t> wanted(kElements);
+    for (std::size_t i = 0; i < kElements; ++i) wanted[i] = i;
+    for (int k = 0; k < 60; ++k) {
+      const std::size_t a = rng.below(kElements), b = rng.below(kElements);
+      sets.join(a, b);
+      const std::size_t least = std::min(wanted[a], wanted[b]), other = std::max(wanted[a], wanted[b]);
+      for (std::size_t& label : wanted) label = label == other ? least : label;
+    }
+    for (std::size_t i = 0; i < kElements; ++i) CHECK(sets.find(i) == wanted[i]);
+    CHECK(sets.count(std::vector<char>(kElements, 1)) == std::set<std::size_t>(wanted.begin(), wanted.end()).size());
+    CHECK(sets.count(std::vector<char>(kElements, 0)) == 0);
+  }
+}
+
+TEST_CASE("mesh_edges: equal positions are one point, exactly; −0 equals 0, NaN equals nothing") {
+  Rng rng(3);
+  DistinctPoints points;
+  std::map<std::array<double, 3>, Index> wanted;
+  for (int i = 0; i < 5000; ++i) {
+    amps::Vec3 x;
+    for (int k = 0; k < 3; ++k) {
+      x[k] = 0.1 * (static_cast<double>(rng.below(12)) - 6);
+      if (rng.below(4) == 0) x[k] = -x[k];                                                           // −0 at times
+      if (rng.below(40) == 0) x[k] = std::nextafter(x[k], std::numeric_limits<double>::infinity());  // near is not equal
+    }
+    const auto [at, fresh] = wanted.insert({{x[0] + 0.0, x[1] + 0.0, x[2] + 0.0}, static_cast<Index>(wanted.size())});
+    REQUIRE(points.find_or_add(x) == at->second);
+    if (fresh) REQUIRE(points[at->second] == x);
+  }
+  REQUIRE(points.size() == static_cast<Index>(wanted.size()));
+  REQUIRE(points.coordinates().size() == 3 * wanted.size());
+
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (Index i = 0; i < 100'000; ++i) REQUIRE(points.find_or_add({0, nan, 0}) == static_cast<Index>(wanted.size()) + i);
+  CHECK(points.find_or_add(amps::Vec3(0, -0.0, 0)) == wanted.at({0, 0, 0}));
+}
+
+TEST_CASE("mesh_edges: a vertex is told the first of equal position") {
+  Mesh mesh = random_facets(400, 1, 11);
+  Rng rng(5);
+  for (Index v = 0; v < 400; ++v) {
+    if (rng.below(3) == 0) mesh.vertices.row(v) = mesh.vertices.row(static_cast<Index>(rng.below(400)));
+    if (rng.below(50) == 0) mesh.vertices(v, 1) = std::numeric_limits<double>::quiet_NaN();
+  }
+  const std::vector<Index> first = amps::detail::first_equal_vertices(mesh);
+  REQUIRE(first.size() == 400);
+  for (Index v = 0; v < 400; ++v) {
+    Index wanted = v;
+    for (Index u = v - 1; u >= 0; --u) wanted = mesh.vertices.row(u) == mesh.vertices.row(v) ? u : wanted;
+    CHECK(first[static_cast<std::size_t>(v)] == wanted);
+  }
+}
