@@ -309,6 +309,14 @@ class PointsView {
     return is_float_ ? static_cast<double>(detail::load<float>(at)) : detail::load<double>(at);
   }
 
+  /// The same points in the same order, whatever the memory is like.
+  friend bool operator==(const PointsView& a, const PointsView& b) noexcept {
+    bool same = a.rows() == b.rows();
+    for (std::ptrdiff_t i = 0; same && i < a.rows(); ++i) same = a[i] == b[i];
+    return same;
+  }
+  friend bool operator!=(const PointsView& a, const PointsView& b) noexcept { return !(a == b); }
+
   /// Where the x of point i lies.
   const void* address(std::ptrdiff_t i) const noexcept { return memory_.column[0] + i * memory_.stride; }
 
@@ -375,6 +383,14 @@ class TrianglesView {
     return type_ == Type::kInt32 ? detail::load<std::int32_t>(at) : other(at);
   }
   std::array<Index, 3> operator[](std::ptrdiff_t i) const noexcept { return {(*this)(i, 0), (*this)(i, 1), (*this)(i, 2)}; }
+
+  /// The same triangles in the same order, whatever the memory is like.
+  friend bool operator==(const TrianglesView& a, const TrianglesView& b) noexcept {
+    bool same = a.rows() == b.rows();
+    for (std::ptrdiff_t i = 0; same && i < a.rows(); ++i) same = a[i] == b[i];
+    return same;
+  }
+  friend bool operator!=(const TrianglesView& a, const TrianglesView& b) noexcept { return !(a == b); }
 
   /// Where the first corner of triangle i lies.
   const void* address(std::ptrdiff_t i) const noexcept { return memory_.column[0] + i * memory_.stride; }

@@ -80,6 +80,7 @@ std::vector<double> parse_values(std::string_view data, const std::string& name 
 /// A scalar property of the vertices of a PLY file, by its name ("quality", "radius", ...): one value a vertex. Throws as
 /// read_mesh, and kFileFormat if the vertices have no such property or a value is not finite.
 std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property);
-std::vector<double> parse_vertex_property(std::string_view data, const std::string& property, const std::string& name = "memory");
+std::vector<double> parse_vertex_property(std::string_view data, const std::string& property,
+                                          const std::string& name = "memory");
 
 }  // namespace amps

@@ -51,7 +51,7 @@ class Optimizer {
         options_(options),
         rating_(options.angles, options.valences, min_angle, max_angle),
         reader_(diagram, rating_),
-        radii_{options.sizing, samples.radii.minCoeff()},
+        radii_{options.sizing, min_radius(samples)},
         grid_(grid_for(diagram.mesh(), samples, options.sizing)),
         rng_(options.seed) {
     report_.min_angle = min_angle;
@@ -61,13 +61,13 @@ class Optimizer {
     set_.alive.assign(n, 1);
     set_.star.resize(n);
     set_.energy.resize(n);
-    set_.radius.assign(samples.radii.data(), samples.radii.data() + n);
+    set_.radius = samples.radii;
     changed_at_.assign(n, 0);
     distrusted_.assign(n, 0);
     is_new_.assign(n, 0);
     for (std::size_t s = 0; s < n; ++s) {
       if (!samples.facets.empty()) {
-        set_.at[s] = {samples.facets[s], samples.barycentrics.row(static_cast<Eigen::Index>(s)).transpose()};
+        set_.at[s] = {samples.facets[s], samples.barycentrics.row(static_cast<std::ptrdiff_t>(s)).transpose()};
       }
       grid_.insert(position(static_cast<Index>(s)), set_.radius[s], static_cast<Index>(s));
     }
@@ -102,15 +102,14 @@ class Optimizer {
         if (set_.alive[slot(s)] && is_new_[slot(s)] == made_here) ids.push_back(s);
       }
     }
-    const auto n = static_cast<Eigen::Index>(ids.size());
+    const auto n = static_cast<std::ptrdiff_t>(ids.size());
     SampleSet result;
-    result.positions.resize(n, 3);
-    result.radii.resize(n);
-    result.barycentrics.resize(n, 3);
-    for (Eigen::Index k = 0; k < n; ++k) {
+    result.positions.resize(n);
+    result.barycentrics.resize(n);
+    for (std::ptrdiff_t k = 0; k < n; ++k) {
       const std::size_t s = slot(ids[static_cast<std::size_t>(k)]);
       result.positions.row(k) = position(static_cast<Index>(s)).transpose();
-      result.radii[k] = set_.radius[s];
+      result.radii.push_back(set_.radius[s]);
       result.facets.push_back(set_.at[s].facet);
       result.barycentrics.row(k) = set_.at[s].barycentric.transpose();
     }
@@ -119,7 +118,7 @@ class Optimizer {
 
  private:
   static VoxelGrid grid_for(const MeshView& mesh, const SampleSet& samples, const SizingField& sizing) {
-    double least = samples.radii.minCoeff(), greatest = samples.radii.maxCoeff();
+    double least = min_radius(samples), greatest = max_radius(samples);
     if (!sizing.empty()) {
       least = std::min(least, sizing.min_radius());
       greatest = std::max(greatest, sizing.max_radius());
@@ -719,7 +718,7 @@ bool has_gaps(const RestrictedPowerDiagram& diagram) {
 OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids) {
   require_optimize_options(options);
-  const bool uniform = samples.radii.minCoeff() == samples.radii.maxCoeff();
+  const bool uniform = min_radius(samples) == max_radius(samples);
   const auto [min_angle, max_angle] = bounds_of(options, uniform);
   Optimizer optimizer(diagram, samples, options, min_angle, max_angle);
   OptimizeResult result;

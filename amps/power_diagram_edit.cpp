@@ -178,9 +178,9 @@ std::vector<Index> RestrictedPowerDiagram::link_of(Index s) {
 
 // Local removal
 //
-// What a site leaves in a facet is a convex polygon, to be divided among the candidates for it: its neighbours in space and the sites
-// that it alone has hidden. A site beyond an edge of it gets the strip along that edge, hence a larger fragment: its old one,
-// grown over the edge as far as the facet reaches, and cut by the other candidates. The edges of the grown ones lead to
+// What a site leaves in a facet is a convex polygon, to be divided among the candidates for it: its neighbours in space and the
+// sites that it alone has hidden. A site beyond an edge of it gets the strip along that edge, hence a larger fragment: its old
+// one, grown over the edge as far as the facet reaches, and cut by the other candidates. The edges of the grown ones lead to
 // candidates that had nothing in the facet. Fragments that have no edge with the polygon stay as they are, as do other facets.
 
 void RestrictedPowerDiagram::remove(Index s) {
