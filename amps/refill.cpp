@@ -194,17 +194,19 @@ void RefillFinder::fill_pool(Rng& rng) {
     const bool other_half = along_u + along_v > 1;  // of the parallelogram
     along_u = other_half ? 1 - along_u : along_u;
     along_v = other_half ? 1 - along_v : along_v;
-    NewSample sample;
-    sample.x = piece.corner + along_u * piece.u + along_v * piece.v;
+    const Vec3 x = piece.corner + along_u * piece.u + along_v * piece.v;
     double nearest = INFINITY;
-    if (!others_.are_apart(sample.x, nearest)) continue;
-    sample.at.facet = piece.facet;
-    if (radii_.field.empty()) {
-      sample.radius = radii_.min;
-      if (nearest < sample.radius * sample.radius) continue;
-    } else {
-      sample.at = surface_point_below(diagram_.mesh(), piece.facet, sample.x);
-      sample.radius = radius_below(radii_.at(sample.at), nearest);
+    if (!others_.are_apart(x, nearest)) continue;
+    NewSample sample;
+    sample.at = surface_point_below(diagram_.mesh(), piece.facet, x);
+    sample.x = position_of(diagram_.mesh(), sample.at);  // beside x by rounding, so it is looked at anew
+    nearest = INFINITY;
+    if (!sample.x.allFinite() || !others_.are_apart(sample.x, nearest)) continue;
+    sample.radius = radii_.at(sample.at);
+    if (!radii_.field.empty()) {
+      sample.radius = radius_below(sample.radius, nearest);
+    } else if (nearest < sample.radius * sample.radius) {
+      continue;
     }
     pool_.push_back(sample);
   }

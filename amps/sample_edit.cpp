@@ -143,12 +143,6 @@ const std::vector<Index>& SampleEdit::affected() {
 
 SampleChange SampleEdit::keep() {
   for (const SampleChange::Removed& old : change_.removed) samples_.free_.push_back(old.id);
-  for (const Index s : change_.added) {
-    SurfacePoint& at = samples_.at_[slot(s)];
-    if (at.facet != kNone && at.barycentric.isZero(0)) {
-      at = surface_point_below(samples_.diagram_.mesh(), at.facet, samples_.position(s));
-    }
-  }
   affected();
   return std::move(change_);
 }

@@ -163,9 +163,9 @@ void check_state(const TestSet& set, const SampleSet& samples) {
   REQUIRE(samples.facets.size() == n);
   REQUIRE(samples.barycentrics.rows() == samples.size());
   const MeshView mesh(set.mesh);
-  const double diagonal = amps::bounding_box(mesh).diagonal();
   const double least = set.sizing.empty() ? set.samples.radii.minCoeff() : set.sizing.min_radius();
-  double off = 0, off_sum = 0, too_large = 0;
+  Index off = 0;
+  double off_sum = 0, too_large = 0;
   for (Index s = 0; s < samples.size(); ++s) {
     const Vec3 b = samples.barycentrics.row(s).transpose();
     const Index f = samples.facets[at(s)];
@@ -173,12 +173,12 @@ void check_state(const TestSet& set, const SampleSet& samples) {
     REQUIRE(f < mesh.num_facets());
     REQUIRE(b.minCoeff() >= 0);
     const Vec3 there = b[0] * mesh.corner(f, 0) + b[1] * mesh.corner(f, 1) + b[2] * mesh.corner(f, 2);
-    off = std::max(off, (there - samples.positions.row(s).transpose()).norm());
+    off += there != samples.positions.row(s).transpose();
     off_sum = std::max(off_sum, std::fabs(b.sum() - 1));
     const double wanted = set.sizing.empty() ? least : set.sizing.radius(f, b);
     too_large = std::max(too_large, samples.radii[s] / wanted);
   }
-  CHECK(off <= 1e-12 * diagonal);
+  CHECK(off == 0);  // derived, to the bit
   CHECK(off_sum <= 1e-14);
   CHECK(too_large <= 1 + 1e-12);
   CHECK(samples.radii.minCoeff() >= least * (1 - 1e-12));
@@ -778,9 +778,9 @@ TEST_CASE("optimize: the same seed gives the same bits with every compiler and b
     options.angles = false;
     return hash(optimized(set, options).samples);
   };
-  CHECK(bits(uniform_set("", amps::make_square(3), 900)) == 9600359444648133555u);
-  CHECK(bits(uniform_set("", amps::make_cube(7), 900)) == 6656888498465126101u);
-  CHECK(bits(graded_set("", amps::make_square(12), 900)) == 8128446502462565682u);
+  CHECK(bits(uniform_set("", amps::make_square(3), 900)) == 9617786904074402353u);
+  CHECK(bits(uniform_set("", amps::make_cube(7), 900)) == 1564647869874391754u);
+  CHECK(bits(graded_set("", amps::make_square(12), 900)) == 16379450160354872760u);
 }
 
 TEST_CASE("optimize: large sets keep every law" * doctest::test_suite("slow")) {
