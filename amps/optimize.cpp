@@ -374,16 +374,16 @@ class Optimizer {
       : state_(diagram, samples, options, min_angle, max_angle), refiller_(state_), num_given_(samples.size()) {}
 
   OptimizeReport run() {
-    OptimizeStatus status = improve();
-    if (status == OptimizeStatus::kDone && options().valences) {
+    Outcome status = improve();
+    if (status == Outcome::kDone && options().valences) {
       // Vertices of bad valence on edges of more than two triangles come last: mostly there is little to be done, and what it
       // has cost in angles is made good again.
       rate_crossings(true);
       status = improve();
-      if (status == OptimizeStatus::kStalled) {
+      if (status == Outcome::kStalled) {
         rate_crossings(false);
-        const OptimizeStatus after = improve();
-        if (after != OptimizeStatus::kDone) status = after;
+        const Outcome after = improve();
+        if (after != Outcome::kDone) status = after;
         rate_crossings(true);
         bad_items();
       }
@@ -397,7 +397,7 @@ class Optimizer {
   const OptimizeOptions& options() const { return state_.options; }
 
   /// Visits what is bad until nothing is, or nothing helps.
-  OptimizeStatus improve() {
+  Outcome improve() {
     const OptimizeReport& report = state_.report;
     double halved = INFINITY, work_then = 0;
     for (int idle = 0;; ++iteration_) {
@@ -409,14 +409,14 @@ class Optimizer {
         work_then = work;
       }
       const bool slow = work - work_then > kWorkPerHalving * num_given_;
-      if (items.empty()) return OptimizeStatus::kDone;
-      if (options().progress.cancelled()) return OptimizeStatus::kCancelled;
-      if (idle == kMaxIdleIterations || slow || !refiller_.affords_edits_in_place()) return OptimizeStatus::kStalled;
-      if (iteration_ == options().max_iterations) return OptimizeStatus::kIterationLimit;
+      if (items.empty()) return Outcome::kDone;
+      if (options().progress.cancelled()) return Outcome::kCancelled;
+      if (idle == kMaxIdleIterations || slow || !refiller_.affords_edits_in_place()) return Outcome::kStalled;
+      if (iteration_ == options().max_iterations) return Outcome::kIterationLimit;
       const std::uint64_t accepted = report.accepted;
       if (!visit(items)) {
         bad_items();
-        return OptimizeStatus::kCancelled;
+        return Outcome::kCancelled;
       }
       if (report.accepted == accepted && idle >= kIdleBeforeForcing) {
         force_refills(items, std::min(1 + idle / kIdlePerSample, kMaxForcedSamples));
@@ -425,7 +425,7 @@ class Optimizer {
     }
   }
 
-  OptimizeReport end(OptimizeStatus status) {
+  OptimizeReport end(Outcome status) {
     OptimizeReport& report = state_.report;
     const EditableSamples& samples = state_.samples;
     report.status = status;
@@ -648,9 +648,9 @@ OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const Op
   filling.threads = options.threads;
   filling.progress = options.progress;
   const SamplingResult filled = fill_gaps(mesh, samples, filling);
-  if (filled.status == Status::kCancelled) {
+  if (filled.status == Outcome::kCancelled) {
     OptimizeResult result{filled.samples, {}};
-    result.report.status = OptimizeStatus::kCancelled;
+    result.report.status = Outcome::kCancelled;
     return result;
   }
   RestrictedPowerDiagram whole = detail::diagram_of(mesh, filled.samples, options.threads);
@@ -676,9 +676,7 @@ void write_convergence(std::ostream& stream, const OptimizeReport& report) {
 }
 
 std::ostream& operator<<(std::ostream& out, const OptimizeReport& report) {
-  static constexpr const char* kStatus[] = {"done", "iteration limit", "stalled", "cancelled"};
-  out << "optimisation to [" << report.min_angle << ", " << report.max_angle
-      << "] degrees: " << kStatus[static_cast<std::size_t>(report.status)];
+  out << "optimisation to [" << report.min_angle << ", " << report.max_angle << "] degrees: " << name_of(report.status);
   if (!report.iterations.empty()) {
     const OptimizeIteration &first = report.iterations.front(), &last = report.iterations.back();
     out << " after " << report.iterations.size() - 1 << " iterations; bad triangles " << first.bad_triangles << " -> "
