@@ -104,11 +104,17 @@ class Rng {
 /// Barycentric coordinates of a uniformly distributed point of a triangle; two draws of `rng`.
 Vec3 uniform_barycentric(Rng& rng) noexcept;
 
-/// How a call that can be stopped ended.
-enum class Status {
-  kDone,       ///< everything asked for was reached
-  kCancelled,  ///< stopped through Progress; the result is valid but not finished
+/// How a call ended that need not reach all it was asked for. The result is valid in any case. In this order one is worse than
+/// another.
+enum class Outcome {
+  kDone,            ///< everything asked for was reached
+  kIterationLimit,  ///< as many iterations as allowed were spent
+  kStalled,         ///< going on would bring nothing, or too little
+  kCancelled,       ///< stopped through Progress
 };
+
+/// In words: "done", "iteration limit", "stalled", "cancelled".
+const char* name_of(Outcome outcome) noexcept;
 
 namespace detail {
 

@@ -25,12 +25,12 @@ using amps::Index;
 using amps::MaximalityReport;
 using amps::Mesh;
 using amps::MeshView;
+using amps::Outcome;
 using amps::Rng;
 using amps::SampleSet;
 using amps::SamplingOptions;
 using amps::SamplingResult;
 using amps::SizingField;
-using amps::Status;
 using amps::Vec3;
 
 namespace {
@@ -134,7 +134,7 @@ void check_radii(const SampleSet& set, const SizingField& field, double least) {
 }
 
 void check_certificate(const Mesh& mesh, const SamplingResult& result, const SamplingOptions& options) {
-  CHECK(result.status == Status::kDone);
+  CHECK(result.status == Outcome::kDone);
   CHECK(result.report.unfilled_gaps == 0);
   const bool constant = options.sizing.min_radius() == options.sizing.max_radius();
   CHECK((result.report.radius == 0) == !constant);
@@ -598,7 +598,7 @@ TEST_CASE("adaptive: cancelled at any stage, what is there is a Poisson-disk set
     int seen = 0;
     options.progress = amps::Progress([&](const char* stage, double) { return std::string(stage) != wanted || ++seen < 2; });
     const SamplingResult result = amps::sample(mesh, options);
-    CHECK(result.status == Status::kCancelled);
+    CHECK(result.status == Outcome::kCancelled);
     CHECK(result.samples.size() > 0);
     CHECK(separation_of_all_pairs(result.samples, ConflictRule::kMax) >= 1 - 1e-9);
   }

@@ -27,18 +27,18 @@ using amps::Error;
 using amps::ErrorCode;
 using amps::GapSet;
 using amps::Index;
-using amps::kNone;
 using amps::MaximalityReport;
 using amps::Mesh;
 using amps::MeshView;
+using amps::Outcome;
 using amps::Points;
 using amps::Progress;
 using amps::Rng;
 using amps::SampleSet;
 using amps::SamplingOptions;
 using amps::SamplingResult;
-using amps::Status;
 using amps::Vec3;
+using amps::kNone;
 
 namespace {
 
@@ -246,7 +246,7 @@ void check_placement(const Mesh& mesh, const SampleSet& set) {
 /// Everything that is promised of a maximal set, by amps' own certificate and by the oracles.
 void check_maximal(const Mesh& mesh, const SamplingResult& result) {
   const SampleSet& set = result.samples;
-  CHECK(result.status == Status::kDone);
+  CHECK(result.status == Outcome::kDone);
   CHECK(result.report.unfilled_gaps == 0);
   CHECK(set.radii == Eigen::VectorXd::Constant(set.size(), result.report.radius));
   check_placement(mesh, set);
@@ -585,7 +585,7 @@ TEST_CASE("sampling: filling a set from elsewhere: no facets, many radii, points
     CAPTURE(radius);
     const SamplingResult filled = amps::fill_gaps(mesh, existing, with_radius(radius, 6));
     const SampleSet& set = filled.samples;
-    CHECK(filled.status == Status::kDone);
+    CHECK(filled.status == Outcome::kDone);
     CHECK(filled.report.radius == (radius == 0 ? 0.1 : radius));
     CHECK(filled.report.unfilled_gaps == 0);
     REQUIRE(set.size() > 500);
@@ -803,7 +803,7 @@ TEST_CASE("sampling: cancelled at any stage, what is there is a Poisson-disk set
       SamplingOptions options = with_radius(radius);
       options.progress = Progress([&](const char* stage, double) { return stage != wanted || ++seen < at; });
       const SamplingResult result = amps::sample(mesh, options);
-      CHECK(result.status == Status::kCancelled);
+      CHECK(result.status == Outcome::kCancelled);
       CHECK(options.progress.cancelled());
       REQUIRE(result.samples.size() > 0);
       CHECK(result.samples.size() < done.size());
@@ -829,12 +829,12 @@ TEST_CASE("sampling: cancelled at any stage, what is there is a Poisson-disk set
   // Before it began.
   SamplingOptions options = with_radius(radius);
   options.progress.cancel();
-  CHECK(amps::sample(mesh, options).status == Status::kCancelled);
-  CHECK(amps::throw_darts(mesh, options).status == Status::kCancelled);
-  CHECK(amps::fill_gaps(mesh, selected(done, [](Index s) { return s % 2 == 0; }), options).status == Status::kCancelled);
+  CHECK(amps::sample(mesh, options).status == Outcome::kCancelled);
+  CHECK(amps::throw_darts(mesh, options).status == Outcome::kCancelled);
+  CHECK(amps::fill_gaps(mesh, selected(done, [](Index s) { return s % 2 == 0; }), options).status == Outcome::kCancelled);
   options = with_count(2000);
   options.progress.cancel();
-  CHECK(amps::sample(mesh, options).status == Status::kCancelled);
+  CHECK(amps::sample(mesh, options).status == Outcome::kCancelled);
 }
 
 TEST_CASE("sampling: progress stays within [0, 1] and never falls within a stage") {
@@ -856,7 +856,7 @@ TEST_CASE("sampling: progress stays within [0, 1] and never falls within a stage
       return true;
     });
     const SamplingResult result = amps::sample(amps::make_torus(), options);
-    CHECK(result.status == Status::kDone);
+    CHECK(result.status == Outcome::kDone);
     CHECK(in_range);
     CHECK(growing);
     CHECK(stages.size() == static_cast<std::size_t>(3 * result.report.attempts));

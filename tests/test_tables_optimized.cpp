@@ -21,7 +21,7 @@
 using amps::Index;
 using amps::Mesh;
 using amps::OptimizeResult;
-using amps::OptimizeStatus;
+using amps::Outcome;
 using amps::SampleSet;
 
 namespace {
@@ -43,7 +43,7 @@ struct Row {
     options.sizing = sampling.sizing;
     result = amps::optimize(mesh, start, options);
     CAPTURE(seed);
-    CHECK(result.report.status == OptimizeStatus::kDone);
+    CHECK(result.report.status == Outcome::kDone);
     quality = amps::quality(amps::restricted_triangulation(mesh, result.samples));
     CHECK(quality.min_angle >= min_angle - 1e-9);
     CHECK(quality.max_angle <= max_angle + 1e-9);
