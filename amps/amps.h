@@ -20,6 +20,7 @@
 //
 // Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
 //
+//   contraction.h    (internal) no fused multiply-add in amps's own sources
 //   base.h           vectors and indices, Error, Rng
 //   thread_pool.h    (internal) threads that are started once
 //   execution.h      Execution: threads, progress and cancelling of a call; parallel_for
