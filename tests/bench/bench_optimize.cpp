@@ -16,8 +16,8 @@
 #include "amps/shapes.h"
 #include "amps/sizing.h"
 #include "amps/surface_distance.h"
-#include "../pair_correlation.h"
-#include "../test_data.h"
+#include "../kit/pair_correlation.h"
+#include "../kit/data.h"
 #include "peak_memory.h"
 
 #include <benchmark/benchmark.h>
