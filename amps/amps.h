@@ -21,6 +21,7 @@
 //
 // Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
 //
+//   contraction.h    (internal) no fused multiply-add in amps's own sources
 //   base.h           vectors and indices, Error, Rng
 //   buffers.h        plain tables that results own, views of the caller's memory
 //   thread_pool.h    (internal) threads that are started once
@@ -53,8 +54,10 @@
 //   gap_filling.h    (internal) fills gaps, for whoever has a set
 //   sampling.h       darts, then gap filling
 //   maximality.h     the certificate that a set is maximal; its gaps
+//   dual_star.h      (internal) the dual triangles around a sample, and how bad they are
 //   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
 //   refill.h         (internal) finding refills that improve what is bad
+//   sample_edit.h    (internal) samples, diagram and grid edited together, kept or undone
 //   optimize.h       better triangles and valences by refilling gaps
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with

@@ -34,6 +34,20 @@ Vec3 uniform_barycentric(Rng& rng) noexcept {
   return {1.0 - u - v, u, v};
 }
 
+const char* name_of(Outcome outcome) noexcept {
+  switch (outcome) {
+    case Outcome::kDone:
+      return "done";
+    case Outcome::kIterationLimit:
+      return "iteration limit";
+    case Outcome::kStalled:
+      return "stalled";
+    case Outcome::kCancelled:
+      return "cancelled";
+  }
+  return "";
+}
+
 namespace detail {
 
 void require_exact_arithmetic() {

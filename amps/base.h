@@ -2,19 +2,7 @@
 // the library includes this file and only files between it and itself in the reading order of amps.h.
 #pragma once
 
-// The same bits with every compiler: a multiplication and an addition contracted into one FMA round differently. Vendored users
-// do not get our compiler flags, so amps's own sources switch contraction off here, ahead of Eigen; the user's code that
-// includes amps is left alone. (Decisions are exact either way, see exact.h: coordinates are at stake.)
-#if defined(__FAST_MATH__) && defined(AMPS_OWN_SOURCE)
-#error "amps decides exactly and cannot be compiled with -ffast-math; compile its sources without it"
-#endif
-#if defined(AMPS_OWN_SOURCE) && defined(__clang__)
-#pragma STDC FP_CONTRACT OFF
-#elif defined(AMPS_OWN_SOURCE) && defined(__GNUC__) && defined(__FP_FAST_FMA)
-#pragma GCC optimize("fp-contract=off")
-#elif defined(AMPS_OWN_SOURCE) && defined(_MSC_VER)
-#pragma fp_contract(off)
-#endif
+#include "amps/contraction.h"
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>  // cross products
@@ -94,11 +82,17 @@ class Rng {
 /// Barycentric coordinates of a uniformly distributed point of a triangle; two draws of `rng`.
 Vec3 uniform_barycentric(Rng& rng) noexcept;
 
-/// How a call that can be stopped ended.
-enum class Status {
-  kDone,       ///< everything asked for was reached
-  kCancelled,  ///< stopped through Progress; the result is valid but not finished
+/// How a call ended that need not reach all it was asked for. The result is valid in any case. In this order one is worse than
+/// another.
+enum class Outcome {
+  kDone,            ///< everything asked for was reached
+  kIterationLimit,  ///< as many iterations as allowed were spent
+  kStalled,         ///< going on would bring nothing, or too little
+  kCancelled,       ///< stopped through Progress
 };
+
+/// In words: "done", "iteration limit", "stalled", "cancelled".
+const char* name_of(Outcome outcome) noexcept;
 
 namespace detail {
 

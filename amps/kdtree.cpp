@@ -10,7 +10,10 @@
 #include <limits>
 
 namespace amps {
-namespace {
+namespace detail {
+
+// Members of KdTree::Impl. Not in an unnamed namespace: a class with linkage would then have members without, which GCC warns
+// of in the single header.
 
 /// nanoflann's view of the points.
 struct KdPoints {
@@ -24,6 +27,10 @@ struct KdPoints {
 };
 
 using KdIndex = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, KdPoints>, KdPoints, 3, std::uint32_t>;
+
+}  // namespace detail
+
+namespace {
 
 bool kd_before(const KdTree::Neighbor& a, const KdTree::Neighbor& b) {
   return a.squared_distance != b.squared_distance ? a.squared_distance < b.squared_distance : a.index < b.index;
@@ -105,8 +112,8 @@ struct KdNearestOne {
 }  // namespace
 
 struct KdTree::Impl {
-  KdPoints points;
-  KdIndex index;
+  detail::KdPoints points;
+  detail::KdIndex index;
 
   static std::vector<double> coordinates_of(const PointsView& view) {
     std::vector<double> result;

@@ -46,13 +46,6 @@ struct OptimizeOptions {
   Progress progress;
 };
 
-enum class OptimizeStatus {
-  kDone,            ///< nothing is bad
-  kIterationLimit,  ///< max_iterations spent
-  kStalled,    ///< many visits to everything bad have brought nothing, or too little: bounds too tight for this set or surface
-  kCancelled,  ///< through Progress
-};
-
 /// The state before an iteration, and one more at the end.
 struct OptimizeIteration {
   Index bad_triangles = 0;  ///< 0 if angles are not asked for
@@ -67,7 +60,9 @@ struct OptimizeIteration {
 };
 
 struct OptimizeReport {
-  OptimizeStatus status = OptimizeStatus::kDone;
+  /// kDone: nothing is bad. kStalled: many visits to all that is bad have brought nothing, or too little; the bounds are too
+  /// tight for this set or surface.
+  Outcome status = Outcome::kDone;
   double min_angle = 0, max_angle = 0;  ///< the bounds used
   std::vector<OptimizeIteration> iterations;
   std::uint64_t trials = 0;    ///< refills tried

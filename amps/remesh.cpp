@@ -123,7 +123,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
 
   detail::Stopwatch watch;
   std::vector<Index> ids;
-  if (options.optimize && result.status == Status::kDone) {
+  if (options.optimize && result.status == Outcome::kDone) {
     OptimizeOptions optimization = options.optimization;
     optimization.sizing = sampling.sizing.empty() ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
     optimization.seed = sampling.seed;
@@ -133,7 +133,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
     result.samples = std::move(optimized.samples);
     result.mesh.vertices = result.samples.positions;
     result.report.optimization = std::move(optimized.report);
-    if (result.report.optimization.status == OptimizeStatus::kCancelled) result.status = Status::kCancelled;
+    result.status = std::max(result.status, result.report.optimization.status);
   }
   result.report.seconds_optimize = watch.lap();
   result.mesh.triangles = detail::restricted_triangles(*run.diagram, ids);

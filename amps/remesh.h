@@ -42,7 +42,7 @@ struct RemeshResult {
   Mesh mesh;          ///< vertices are the samples, in order: row i of mesh.vertices is row i of samples.positions
   SampleSet samples;  ///< facet and barycentric coordinates per output vertex
   RemeshReport report;
-  Status status = Status::kDone;
+  Outcome status = Outcome::kDone;  ///< the worse of those of sampling and optimisation
 };
 
 /// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and

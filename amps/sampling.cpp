@@ -120,7 +120,7 @@ struct SamplingTask {
   Rng rng;  ///< one sequence for both stages: gap darts must not repeat the random numbers of the first darts
   GrowingSet set;
   SamplingReport report;
-  Status status = Status::kDone;
+  Outcome status = Outcome::kDone;
 };
 
 void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected) {
@@ -145,7 +145,7 @@ void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected) {
       }
       const bool goes_on = ++task.report.darts % kDartsPerReport != 0 ||
                            task.options.progress.report("dart throwing", std::min(1.0, task.set.size() / expected));
-      if (!goes_on) task.status = Status::kCancelled;
+      if (!goes_on) task.status = Outcome::kCancelled;
       if (!goes_on || rejections >= task.options.max_rejections) {
         task.rng = next.after;
         return;
@@ -170,7 +170,7 @@ std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task) {
   task.report.seconds_triangulation += diagram->seconds_triangulation();
   task.report.seconds_diagram += watch.lap() - diagram->seconds_triangulation();
   if (task.options.progress.cancelled()) {
-    task.status = Status::kCancelled;
+    task.status = Outcome::kCancelled;
     return nullptr;
   }
   GapFiller filler(*diagram, task.grid, task.radii);
@@ -183,7 +183,7 @@ std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task) {
   });
   task.report.gap_samples += filled.samples;
   task.report.unfilled_gaps += filled.unfilled;
-  if (filled.end == GapFilling::End::kCancelled) task.status = Status::kCancelled;
+  if (filled.end == GapFilling::End::kCancelled) task.status = Outcome::kCancelled;
   task.report.seconds_gaps += watch.lap();
   return diagram;
 }
@@ -220,8 +220,8 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     SamplingTask task(mesh, options, radii, box, seed);
     run_darts(task, density);
     std::unique_ptr<RestrictedPowerDiagram> diagram;
-    if (task.status == Status::kDone) task.sort_along_curve(box);
-    if (task.status == Status::kDone) diagram = run_gap_filling(task);
+    if (task.status == Outcome::kDone) task.sort_along_curve(box);
+    if (task.status == Outcome::kDone) diagram = run_gap_filling(task);
     return finish_run(task, std::move(diagram));
   };
   const bool by_field = !options.sizing.empty();
@@ -242,7 +242,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     if (by_field) run.result.report.sizing_scale = scale;
     total.attempts = attempt;
     add_up(total, run.result.report);
-    if (run.result.status == Status::kCancelled) {
+    if (run.result.status == Outcome::kCancelled) {
       best = std::move(run);
       break;
     }

@@ -67,7 +67,7 @@ struct SamplingReport {
 struct SamplingResult {
   SampleSet samples;
   SamplingReport report;
-  Status status = Status::kDone;
+  Outcome status = Outcome::kDone;
 };
 
 /// A maximal Poisson-disk set: dart throwing, then gap filling until no gap is left. The samples of the first stage come first,

@@ -99,7 +99,7 @@ std::array<double, 3> corner_areas(const std::array<Vec3, 3>& corner) {
 class CurvatureEstimator {
  public:
   CurvatureEstimator(const MeshView& mesh, double crease_angle) : mesh_(merge_equal_vertices(mesh)), view_(mesh_) {
-    crease_cosine_ = detail::portable_sine(detail::kPi / 2 - detail::to_radians(crease_angle));
+    crease_cosine_ = detail::portable_cosine(crease_angle);
     normals_ = facet_normals(view_);
     // To unit size: fourth powers of lengths must be doubles.
     const Box box = bounding_box(view_);

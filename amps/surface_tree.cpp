@@ -11,18 +11,60 @@
 #include <string>
 
 namespace amps {
-namespace {
+namespace detail {
 
-// The unit of the tree
-// Coordinates inside the tree are (x − centre)·scale with a power of two for scale, so that they lie in [−1, 1] ([−4, 4] at the
-// end of the range of doubles) and neither floats nor squares overflow. The centre is 0 unless the mesh is far from the origin
-// compared with its size: then the map is exact, and in the other case its rounding is that of the coordinates themselves.
+// What SurfaceTree::Impl is made of. Not in an unnamed namespace: a class with linkage would then have members without, which
+// GCC warns of in the single header.
 
+/// Coordinates inside the tree are (x − centre)·scale with a power of two for scale, so that they lie in [−1, 1] ([−4, 4] at
+/// the end of the range of doubles) and neither floats nor squares overflow. The centre is 0 unless the mesh is far from the
+/// origin compared with its size: then the map is exact, and in the other case its rounding is that of the coordinates
+/// themselves.
 struct TreeUnit {
   Vec3 centre = Vec3::Zero();
   double scale = 1;
   Vec3 in(const Vec3& x) const { return (x - centre) * scale; }
 };
+
+/// A facet (a, b, c), ready to be measured. `to_b` and `to_c` take x − a to the barycentric coordinates of b and c of the
+/// projection of x: rows of the pseudo-inverse of [b − a, c − a].
+struct TreeFacet {
+  Vec3 a, ab, ac, to_b, to_c;
+  double rim;  ///< if the projection has a barycentric coordinate at most this, look at that edge as well
+  Index facet;
+};
+
+struct FacetPoint {
+  double squared_distance;
+  double b, c;  ///< barycentric coordinates
+};
+
+constexpr int kTreeArity = 4;
+
+/// Four numbers, in plain loops that compilers turn into single instructions. (Not an Eigen array: its alignment depends on
+/// flags.)
+struct FourFloats {
+  float value[kTreeArity];
+  float& operator[](int k) { return value[k]; }
+  float operator[](int k) const { return value[k]; }
+};
+
+/// Four children, their boxes side by side.
+struct TreeNode {
+  FourFloats min[3], max[3];
+  Index child[kTreeArity];  ///< ≥ 0: a node; kNoChild: none; else ~ the place of a facet
+};
+
+}  // namespace detail
+
+namespace {
+
+using detail::FacetPoint;
+using detail::FourFloats;
+using detail::kTreeArity;
+using detail::TreeFacet;
+using detail::TreeNode;
+using detail::TreeUnit;
 
 TreeUnit tree_unit(const Box& box) {
   const Vec3 half = box.max / 2 - box.min / 2;
@@ -41,19 +83,6 @@ TreeUnit tree_unit(const Box& box) {
 }
 
 // One facet
-
-/// A facet (a, b, c), ready to be measured. `to_b` and `to_c` take x − a to the barycentric coordinates of b and c of the
-/// projection of x: rows of the pseudo-inverse of [b − a, c − a].
-struct TreeFacet {
-  Vec3 a, ab, ac, to_b, to_c;
-  double rim;  ///< if the projection has a barycentric coordinate at most this, look at that edge as well
-  Index facet;
-};
-
-struct FacetPoint {
-  double squared_distance;
-  double b, c;  ///< barycentric coordinates
-};
 
 TreeFacet tree_facet(const Vec3& a, const Vec3& b, const Vec3& c, Index facet) {
   // At the rim rounding may take the inner point for the nearest where an edge or corner is, by a few 1e-16: a corner of the
@@ -136,21 +165,6 @@ struct TreeBox {
   }
 };
 
-constexpr int kArity = 4;
-
-/// Four numbers, in plain loops that compilers turn into single instructions. (Not an Eigen array: its alignment depends on
-/// flags.)
-struct FourFloats {
-  float value[kArity];
-  float& operator[](int k) { return value[k]; }
-  float operator[](int k) const { return value[k]; }
-};
-
-/// Four children, their boxes side by side.
-struct TreeNode {
-  FourFloats min[3], max[3];
-  Index child[kArity];  ///< ≥ 0: a node; kNoChild: none; else ~ the place of a facet
-};
 constexpr Index kNoChild = std::numeric_limits<Index>::min();
 
 float round_down(double x) {
@@ -182,7 +196,7 @@ struct BoxQuery {
     FourFloats sum{};
     for (int axis = 0; axis < 3; ++axis) {
       const FourFloats &low = node.min[axis], &high = node.max[axis];
-      for (int k = 0; k < kArity; ++k) {
+      for (int k = 0; k < kTreeArity; ++k) {
         const float beyond = std::max(std::max(low[k] - x[axis], x[axis] - high[k]) - slack, 0.0f);
         sum[k] += beyond * beyond;
       }
@@ -215,21 +229,21 @@ class TreeBuilder {
   Index add_node(const Range& all, int depth) {
     const auto id = static_cast<Index>(nodes_.size());
     nodes_.emplace_back();
-    std::array<Range, kArity> parts{all, {}, {}, {}};
+    std::array<Range, kTreeArity> parts{all, {}, {}, {}};
     std::size_t count = 1;
     // Halve the largest part until there are four or all are single facets.
-    while (count < kArity) {
+    while (count < kTreeArity) {
       std::size_t largest = 0;
       for (std::size_t k = 1; k < count; ++k) {
         if (parts[k].size() > parts[largest].size()) largest = k;
       }
       if (parts[largest].size() < 2) break;
       const Range part = parts[largest];
-      const std::size_t middle = part.size() <= kArity ? part.begin + part.size() / 2 : split(part, depth);
+      const std::size_t middle = part.size() <= kTreeArity ? part.begin + part.size() / 2 : split(part, depth);
       parts[largest] = {part.begin, middle};
       parts[count++] = {middle, part.end};
     }
-    for (std::size_t k = 0; k < kArity; ++k) {
+    for (std::size_t k = 0; k < kTreeArity; ++k) {
       if (k >= count) {
         set_child(id, k, TreeBox{Vec3::Zero(), Vec3::Zero()}, kNoChild);
         continue;
@@ -282,15 +296,15 @@ class TreeBuilder {
     }
     box = TreeBox();
     size = 0;
-    double min_cost = std::numeric_limits<double>::infinity();
+    double least = std::numeric_limits<double>::infinity();
     std::size_t best = 0;
     for (std::size_t k = 1; k < kBins; ++k) {
       box.add(boxes[k - 1]);
       size += sizes[k - 1];
       if (size == 0 || size == range.size()) continue;
       const double cost = box.half_area() * static_cast<double>(size) + cost_after[k];
-      if (cost < min_cost) {
-        min_cost = cost;
+      if (cost < least) {
+        least = cost;
         best = k;
       }
     }
@@ -417,7 +431,7 @@ struct SurfaceTree::Impl {
       const TreeNode& node = nodes[detail::slot(visit.child)];
       const FourFloats bounds = query.lower_bounds(node);
       const std::size_t base = top;
-      for (int k = 0; k < kArity; ++k) {
+      for (int k = 0; k < kTreeArity; ++k) {
         if (node.child[k] == kNoChild || bounds[k] > limit) continue;
         std::size_t i = top++;
         for (; i > base && stack[i - 1].bound < bounds[k]; --i) stack[i] = stack[i - 1];

@@ -2,7 +2,6 @@
 #include "amps/trial_patch.h"
 
 #include "amps/exact.h"
-#include "amps/portable_math.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,19 +10,16 @@
 namespace amps::detail {
 namespace {
 
-constexpr double kPatchDegree = 3.14159265358979323846 / 180;
-/// Bounds are kept by this much more, in degrees, so that other formulas for an angle agree that they are.
-constexpr double kBoundMargin = 1e-9;
-constexpr double kPerBadTriangle = 0.5;
-/// An angle above its bound counts this times as much as one below.
-constexpr double kObtuseShare = 0.5;
-
 /// Orthocentre of three weighted points in their plane: the point of equal power.
 Vec3 dual_point(const Vec3& a, double wa, const Vec3& b, double wb, const Vec3& c, double wc) {
   const Vec3 u = b - a, v = c - a, n = u.cross(v);
   const double bu = u.squaredNorm() - wb + wa, bv = v.squaredNorm() - wc + wa;
   return a + (bu * v.cross(n) + bv * n.cross(u)) / (2 * n.squaredNorm());
 }
+
+/// A dual point above the surface may be uncovered where the surface is not: so much of the weight is allowed, and the diagram
+/// decides.
+constexpr double kGapDepth = 0.01;
 
 inline int count_bits(std::uint64_t x) {
   int n = 0;
@@ -34,24 +30,6 @@ inline int count_bits(std::uint64_t x) {
 inline std::uint64_t bit(int v) { return std::uint64_t{1} << v; }
 
 }  // namespace
-
-DualRating::DualRating(bool angles, bool valences, double min_angle, double max_angle) : angles_(angles), valences_(valences) {
-  const auto cosine = [](double degrees) { return portable_sine((90 - degrees) * kPatchDegree); };
-  const auto slope = [&](double degrees) { return 1 / (kPatchDegree * cosine(std::fabs(90 - degrees))); };
-  if (!angles) return;
-  cos_min_ = cosine(min_angle + kBoundMargin);
-  cos_max_ = cosine(max_angle - kBoundMargin);
-  below_ = slope(min_angle);
-  above_ = kObtuseShare * slope(max_angle);
-}
-
-/// Law of cosines, from squared lengths.
-double DualRating::corner(double beside, double other, double opposite) const {
-  const double cosine = (beside + other - opposite) / (2 * std::sqrt(beside * other));
-  if (cosine > cos_min_) return below_ * (cosine - cos_min_) + kPerBadTriangle / 2;
-  if (cosine < cos_max_) return above_ * (cos_max_ - cosine) + kPerBadTriangle;
-  return 0;
-}
 
 TrialPatch& TrialPatch::operator=(const TrialPatch& other) {
   rating_ = other.rating_;
@@ -115,7 +93,6 @@ void TrialPatch::drop(int t) {
 
 bool TrialPatch::remove(int v) {
   // Its triangles, as the edges opposite of it.
-  constexpr int kMaxRing = 16;
   std::array<std::array<std::uint8_t, 2>, kMaxRing> edges;
   int size = 0;
   for (int t = 0; t < num_triangles_;) {
@@ -155,7 +132,7 @@ bool TrialPatch::remove(int v) {
 /// Cuts off ears: always one that is convex, seen along the normal of the whole, and whose dual point is nearest to its own
 /// corners, or nearly.
 bool TrialPatch::fill(const std::uint8_t* ring, int size) {
-  std::array<std::uint8_t, 16> left;
+  std::array<std::uint8_t, kMaxRing> left;
   std::copy_n(ring, size, left.begin());
   Vec3 normal = Vec3::Zero();
   for (int k = 2; k < size; ++k) {
@@ -241,10 +218,9 @@ double TrialPatch::energy() const {
 }
 
 bool TrialPatch::has_gap() const {
-  constexpr double kDeepGap = 0.01;
   for (int t = 0; t < num_triangles_; ++t) {
     const Triangle& triangle = triangles_[static_cast<std::size_t>(t)];
-    if (triangle.power > kDeepGap * weight_[triangle.corner[0]]) return true;
+    if (triangle.power > kGapDepth * weight_[triangle.corner[0]]) return true;
   }
   return false;
 }

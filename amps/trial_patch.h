@@ -8,45 +8,19 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/dual_star.h"
 
 #include <array>
 #include <cstdint>
 
 namespace amps::detail {
 
-/// How bad a triangle or a valence is; 0: good.
-class DualRating {
- public:
-  /// Degrees, as OptimizeOptions.
-  DualRating(bool angles, bool valences, double min_angle, double max_angle);
-
-  /// Degrees out of bounds over the three corners, to first order in the angle, those above counting half; and 0.25 for each
-  /// angle too small, 0.5 for one too large.
-  double triangle(const Vec3& a, const Vec3& b, const Vec3& c) const {
-    if (!angles_) return 0;
-    const double la = (b - c).squaredNorm(), lb = (c - a).squaredNorm(), lc = (a - b).squaredNorm();
-    return corner(lb, lc, la) + corner(lc, la, lb) + corner(la, lb, lc);
-  }
-  double valence(int neighbors, bool boundary) const {
-    if (!valences_) return 0;
-    const int most = boundary ? kMostAtBoundary : kMost;
-    return kPerValence * (neighbors > most ? neighbors - most : !boundary && neighbors < kLeast ? kLeast - neighbors : 0);
-  }
-
- private:
-  static constexpr int kLeast = 5, kMost = 7, kMostAtBoundary = 5;
-  static constexpr double kPerValence = 5;
-  double corner(double beside, double other, double opposite) const;
-
-  bool angles_, valences_;
-  double cos_min_ = 1, cos_max_ = -1, below_ = 0, above_ = 0;
-};
-
 /// Triangles around some samples. A value; copying costs as much as it holds.
 class TrialPatch {
  public:
   static constexpr int kMaxVertices = 64;
   static constexpr int kMaxTriangles = 192;
+  static constexpr int kMaxRing = 16;  ///< neighbours of a vertex that can be removed
 
   explicit TrialPatch(const DualRating& rating) : rating_(&rating) {}
   TrialPatch(const TrialPatch& other) { *this = other; }

@@ -23,7 +23,7 @@ int main(int argc, char** argv) try {
   });
 
   const amps::RemeshResult result = amps::remesh(view, options);
-  if (result.status == amps::Status::kCancelled) {
+  if (result.status == amps::Outcome::kCancelled) {
     std::cerr << "that took too long\n";
     return 1;
   }

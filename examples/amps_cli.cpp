@@ -256,8 +256,8 @@ class Watch {
   Watch& operator=(const Watch&) = delete;
 
   /// Throws if the user, and not the work, ended it.
-  void check(amps::Status status) const {
-    if (interrupted != 0 || status == amps::Status::kCancelled) throw Interrupted();
+  void check(amps::Outcome status) const {
+    if (interrupted != 0 || status == amps::Outcome::kCancelled) throw Interrupted();
   }
 
   amps::Progress progress;
@@ -487,7 +487,9 @@ int run_sample(const Arguments& arguments) {
   seconds.insert(seconds.end(), {{"verify", seconds_verify}, {"write", write.seconds()}, {"total", total.seconds()}});
 
   Json json = begin_json("sample");
+  json.add("status", amps::name_of(result.status));
   json.add("samples", result.samples.size());
+  add_radii(json, result.samples);
   add_sampling(json, result.report);
   add_maximality(json, certificate);
   add_seconds(json, seconds);
@@ -577,9 +579,13 @@ int run_remesh(const Arguments& arguments) {
                                  {"write", seconds_write},
                                  {"total", total.seconds()}});
 
+  const std::ptrdiff_t unused = result.mesh.vertices.rows() - report.output.vertices;  // on parts as thin as r
   Json json = begin_json("remesh");
+  json.add("status", amps::name_of(result.status));
   json.add("vertices", static_cast<amps::Index>(result.mesh.vertices.rows()));
   json.add("triangles", static_cast<amps::Index>(result.mesh.triangles.rows()));
+  json.add("in_no_triangle", static_cast<amps::Index>(unused));
+  add_radii(json, result.samples);
   add_sampling(json, report.sampling);
   add_optimization(json, report.optimization);
   add_quality(json, report.quality, radius);
@@ -594,10 +600,9 @@ int run_remesh(const Arguments& arguments) {
   table.row("vertices", number(report.input.vertices), std::to_string(result.mesh.vertices.rows()));
   table.row("triangles", number(report.input.facets), number(report.output.facets));
   print_topology(table, report.input, report.output);
-  const std::ptrdiff_t unused = result.mesh.vertices.rows() - report.output.vertices;
-  if (unused > 0) table.row("in no triangle", "", std::to_string(unused));  // samples on parts as thin as r
+  if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
   print_radii(table, result.samples);
-  print_optimization(table, report.optimization);
+  print_optimization(table, options.optimization, report.optimization);
   print_quality(table, report.quality, radius);
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
@@ -619,6 +624,7 @@ int run_gaps(const Arguments& arguments) {
 
   Json json = begin_json("gaps");
   json.add("samples", samples.size()).add("surface_area", area);
+  add_radii(json, samples);
   add_maximality(json, report);
   write_json(arguments, json);
 

@@ -61,6 +61,7 @@ class Json {
   Json& add(const char* key, int value) { return raw(key, std::to_string(value)); }
   Json& add(const char* key, std::uint64_t value) { return raw(key, std::to_string(value)); }
   Json& add(const char* key, bool value) { return raw(key, value ? "true" : "false"); }
+  Json& add(const char* key, const char* value) { return raw(key, quoted(value)); }
   Json& add(const char* key, const std::string& value) { return raw(key, quoted(value)); }
   template <class Range>
   Json& add_list(const char* key, const Range& values) {

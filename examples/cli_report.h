@@ -86,6 +86,12 @@ inline void print_radii(const Table& table, const amps::SampleSet& samples) {
   table.row("radius r", *min == *max ? number(*min) : number(*min) + " to " + number(*max) + ", mean " + number(mean));
 }
 
+inline void add_radii(Json& json, const amps::SampleSet& samples) {
+  json.add("min_radius", samples.radii.minCoeff())
+      .add("max_radius", samples.radii.maxCoeff())
+      .add("mean_radius", samples.radii.mean());
+}
+
 inline void add_maximality(Json& json, const amps::MaximalityReport& report) {
   json.open("maximality")
       .add("maximal", report.maximal())
@@ -161,9 +167,6 @@ inline void print_unfilled(const Table& table, const amps::SamplingReport& repor
 inline void add_sampling(Json& json, const amps::SamplingReport& report) {
   json.add("radius", report.radius)
       .add("sizing_scale", report.sizing_scale)
-      .add("min_radius", report.min_radius)
-      .add("max_radius", report.max_radius)
-      .add("mean_radius", report.mean_radius)
       .add("seed", report.seed)
       .open("sampling")
       .add("darts", report.darts)
@@ -174,27 +177,17 @@ inline void add_sampling(Json& json, const amps::SamplingReport& report) {
       .close();
 }
 
-inline std::string status_text(amps::OptimizeStatus status) {
-  switch (status) {
-    case amps::OptimizeStatus::kDone:
-      return "done";
-    case amps::OptimizeStatus::kIterationLimit:
-      return "iteration limit";
-    case amps::OptimizeStatus::kStalled:
-      return "stalled";
-    default:
-      return "cancelled";
-  }
-}
-
-inline void print_optimization(const Table& table, const amps::OptimizeReport& report) {
+/// `asked`: what was to be reached.
+inline void print_optimization(const Table& table, const amps::OptimizeOptions& asked, const amps::OptimizeReport& report) {
   if (report.iterations.empty()) return;
   const amps::OptimizeIteration& last = report.iterations.back();
-  const std::string bounds = format("angles in [%g, %g], valences 5 to 7", report.min_angle, report.max_angle);
-  if (report.status == amps::OptimizeStatus::kDone) {
+  std::string bounds;
+  if (asked.angles) bounds = format("angles in [%g, %g]", report.min_angle, report.max_angle);
+  if (asked.valences) bounds += bounds.empty() ? "valences 5 to 7" : ", valences 5 to 7";
+  if (report.status == amps::Outcome::kDone) {
     table.row("optimised", bounds + ": reached");
   } else {
-    table.row("optimised", bounds + ": " + status_text(report.status) + ", left bad " + number(last.bad_triangles) +
+    table.row("optimised", bounds + ": " + amps::name_of(report.status) + ", left bad " + number(last.bad_triangles) +
                                " triangles, " + number(last.bad_vertices) + " vertices");
   }
   table.row("samples replaced, added", number(report.removed) + ", " + std::to_string(report.added - report.removed));
@@ -204,7 +197,7 @@ inline void add_optimization(Json& json, const amps::OptimizeReport& report) {
   if (report.iterations.empty()) return;
   const amps::OptimizeIteration &first = report.iterations.front(), &last = report.iterations.back();
   json.open("optimization")
-      .add("status", status_text(report.status))
+      .add("status", amps::name_of(report.status))
       .add("min_angle", report.min_angle)
       .add("max_angle", report.max_angle)
       .add("iterations", static_cast<amps::Index>(report.iterations.size() - 1))

@@ -237,8 +237,9 @@ TEST_CASE("coverage vs rationals: the sign of the power at corners, edge crossin
     Counts counts;
     Rng rng(1);
     Configuration c;
-    const bool is_wide = kind == Kind::kMagnitudes || kind == Kind::kWideEdge;
-    for (int n = 0; n < (is_wide ? 80 : 600); ++n) {
+    // Rationals of 20,000 bits take their time.
+    const int count = kind == Kind::kWideEdge ? 12 : (kind == Kind::kMagnitudes ? 100 : 300);
+    for (int n = 0; n < count; ++n) {
       c.randomize(rng, kind);
       MaybePower near;
       if (n % 4 == 1) near = {true, rational_corner_power(c.site[0], c.pointers[0])};
@@ -250,8 +251,8 @@ TEST_CASE("coverage vs rationals: the sign of the power at corners, edge crossin
     CHECK(counts.corner.wrong == 0);
     CHECK(counts.edge.wrong == 0);
     CHECK(counts.facet.wrong == 0);
-    CHECK(counts.edge.compared > 500);
-    CHECK(counts.facet.compared > 500);
+    CHECK(counts.edge.compared > 100);
+    CHECK(counts.facet.compared > 100);
     for (std::size_t s = 0; s < all.edge_stages.counts.size(); ++s) {
       all.corner_stages.counts[s] += counts.corner_stages.counts[s];
       all.edge_stages.counts[s] += counts.edge_stages.counts[s];

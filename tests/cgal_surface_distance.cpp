@@ -3,9 +3,12 @@
 #include "amps/surface_distance.h"
 #include "amps/surface_tree.h"
 
+#include "kit/data.h"
+#include "kit/random.h"
+#include "kit/samples.h"
+
 #include "amps/remesh.h"
 #include "amps/shapes.h"
-#include "test_data.h"
 
 #include <CGAL/AABB_face_graph_triangle_primitive.h>
 #include <CGAL/AABB_traits.h>
@@ -21,9 +24,7 @@
 #include <utility>
 #include <vector>
 
-using amps::Index;
-using amps::Mesh;
-using amps::Vec3;
+namespace amps_test {
 
 namespace {
 
@@ -36,11 +37,12 @@ using OracleTree = CGAL::AABB_tree<CGAL::AABB_traits<DistanceKernel, CGAL::AABB_
 OracleMesh oracle_mesh(const Mesh& mesh) {
   OracleMesh result;
   std::vector<OracleMesh::Vertex_index> vertices;
-  for (Index v = 0; v < mesh.vertices.rows(); ++v) {
+  for (Index v = 0; v < rows(mesh.vertices); ++v) {
     vertices.push_back(result.add_vertex(Point(mesh.vertices(v, 0), mesh.vertices(v, 1), mesh.vertices(v, 2))));
   }
-  const auto at = [&](Index f, int k) { return vertices[static_cast<std::size_t>(mesh.triangles(f, k))]; };
-  for (Index f = 0; f < mesh.triangles.rows(); ++f) REQUIRE(result.add_face(at(f, 0), at(f, 1), at(f, 2)).is_valid());
+  const auto corner = [&](Index f, int k) { return vertices[at(mesh.triangles(f, k))]; };
+  for (Index f = 0; f < rows(mesh.triangles); ++f)
+    REQUIRE(result.add_face(corner(f, 0), corner(f, 1), corner(f, 2)).is_valid());
   return result;
 }
 
@@ -51,8 +53,8 @@ struct Means {
 /// Each facet as n² small triangles, n such that they are a few thousandths of the diagonal; distances of their centroids.
 Means midpoint_means(const Mesh& from, const OracleTree& to, double size) {
   double area = 0, mean = 0, square = 0;
-  for (Index f = 0; f < from.triangles.rows(); ++f) {
-    const amps::MeshView mesh(from);
+  for (Index f = 0; f < rows(from.triangles); ++f) {
+    const MeshView mesh(from);
     const Vec3 a = mesh.corner(f, 0), ab = mesh.corner(f, 1) - a, ac = mesh.corner(f, 2) - a;
     const int n = 1 + static_cast<int>(std::max({ab.norm(), ac.norm(), (ac - ab).norm()}) / size);
     const double cell = 0.5 * ab.cross(ac).norm() / (n * n);
@@ -96,7 +98,7 @@ void compare(const Mesh& a, const Mesh& b) {
 
 Mesh remeshed(const Mesh& mesh, Index count) {
   amps::RemeshOptions options;
-  options.sampling.target_count = count;
+  options.sampling = with_count(count);
   return amps::remesh(mesh, options).mesh;
 }
 
@@ -106,7 +108,7 @@ TEST_CASE("surface_distance: Hausdorff, mean and rms agree with CGAL on remeshed
   for (const auto& model : {std::pair("bunny_3k_closed.off", amps::make_ellipsoid(5120, {1.0, 0.8, 0.6})),
                             {"fandisk_coarse.obj", amps::make_cube(4)},
                             {"eight.off", amps::make_knot()}}) {
-    const Mesh mesh = amps_test::data_mesh_or(model.first, model.second);
+    const Mesh mesh = data_mesh_or(model.first, model.second);
     CAPTURE(model.first);
     compare(mesh, remeshed(mesh, 1500));
   }
@@ -118,19 +120,20 @@ TEST_CASE("surface_distance: Hausdorff, mean and rms agree with CGAL on shapes f
 }
 
 TEST_CASE("surface_tree: distances are those of CGAL's AABB tree") {
-  for (const Mesh& mesh : {amps_test::data_mesh_or("bunny_36k_holes.obj", amps::make_knot()), amps::make_cube(6),
-                           amps_test::data_mesh_or("triceratops.off", amps::make_torus())}) {
+  for (const Mesh& mesh : {data_mesh_or("bunny_36k_holes.obj", amps::make_knot()), amps::make_cube(6),
+                           data_mesh_or("triceratops.off", amps::make_torus())}) {
     const OracleMesh copy = oracle_mesh(amps::remove_isolated_vertices(mesh));
     const OracleTree tree(faces(copy).begin(), faces(copy).end(), copy);
     const amps::SurfaceTree ours(mesh);
     const amps::Box box = amps::bounding_box(mesh);
-    amps::Rng rng(1);
+    Rng rng(1);
     double worst = 0;
     for (int q = 0; q < 3000; ++q) {
-      const Vec3 u(rng.uniform(), rng.uniform(), rng.uniform());
-      const Vec3 x = box.min + (1.4 * u - 0.2 * Vec3::Ones()).cwiseProduct(box.max - box.min);
+      const Vec3 x = box.min + (1.4 * random_point(rng) - 0.2 * Vec3::Ones()).cwiseProduct(box.max - box.min);
       worst = std::max(worst, std::abs(ours.nearest(x).distance - std::sqrt(tree.squared_distance(Point(x[0], x[1], x[2])))));
     }
     CHECK(worst <= 1e-14 * (box.diagonal() + box.max.norm()));
   }
 }
+
+}  // namespace amps_test

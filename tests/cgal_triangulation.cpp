@@ -2,6 +2,8 @@
 // the same perturbation. Cells are compared by the values of their corners: of equal points CGAL may keep another one.
 #include "amps/triangulation.h"
 
+#include "kit/triangulations.h"
+
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Regular_triangulation_3.h>
 
@@ -14,11 +16,7 @@
 #include <string>
 #include <vector>
 
-using amps::Index;
-using amps::Points;
-using amps::RegularTriangulation;
-using amps::Rng;
-using amps::Vec3;
+namespace amps_test {
 
 namespace {
 
@@ -27,23 +25,14 @@ using Oracle = CGAL::Regular_triangulation_3<Kernel>;
 using Site = std::array<double, 4>;
 using CellValues = std::array<std::uint32_t, 4>;  // ranks of the corners in the sorted list of sites
 
-constexpr double kTurn = 6.283185307179586;
-
-struct Input {
-  std::string name;
-  Points positions;
-  Eigen::VectorXd weights;
-  Input(std::string n, Eigen::Index size)
-      : name(std::move(n)), positions(Points::Zero(size, 3)), weights(Eigen::VectorXd::Zero(size)) {}
-  Eigen::Index size() const { return positions.rows(); }
-};
+Site site_of(const WeightedPoint& p) { return {p.x, p.y, p.z, p.w}; }
 
 /// The sites, sorted and without copies; a cell is then four ranks.
 class Ranks {
  public:
-  explicit Ranks(const Input& in) {
-    for (Eigen::Index k = 0; k < in.size(); ++k) {
-      sites_.push_back({in.positions(k, 0), in.positions(k, 1), in.positions(k, 2), in.weights[k]});
+  explicit Ranks(const Sites& in) {
+    for (Index k = 0; k < in.size(); ++k) {
+      sites_.push_back(site_of(in.point(k)));
     }
     std::sort(sites_.begin(), sites_.end());
     sites_.erase(std::unique(sites_.begin(), sites_.end()), sites_.end());
@@ -59,15 +48,15 @@ class Ranks {
 };
 
 std::vector<CellValues> cells_of(const RegularTriangulation& t, const Ranks& ranks) {
-  std::vector<std::uint32_t> rank(static_cast<std::size_t>(t.num_vertices()));
+  std::vector<std::uint32_t> rank(at(t.num_vertices()));
   for (Index v = 0; v < t.num_vertices(); ++v) {
-    rank[static_cast<std::size_t>(v)] = ranks({t.point(v).x, t.point(v).y, t.point(v).z, t.point(v).w});
+    rank[at(v)] = ranks(site_of(t.point(v)));
   }
   std::vector<CellValues> result;
   const auto cells = t.cells();
-  for (Eigen::Index r = 0; r < cells.rows(); ++r) {
+  for (Index r = 0; r < cells.rows(); ++r) {
     CellValues cell;
-    for (int k = 0; k < 4; ++k) cell[static_cast<std::size_t>(k)] = rank[static_cast<std::size_t>(cells(r, k))];
+    for (int k = 0; k < 4; ++k) cell[static_cast<std::size_t>(k)] = rank[at(cells(r, k))];
     std::sort(cell.begin(), cell.end());
     result.push_back(cell);
   }
@@ -90,17 +79,15 @@ std::vector<CellValues> cells_of(const Oracle& oracle, const Ranks& ranks) {
   return result;
 }
 
-Oracle::Weighted_point weighted_point(const Input& in, Eigen::Index k) {
-  return {Kernel::Point_3(in.positions(k, 0), in.positions(k, 1), in.positions(k, 2)), in.weights[k]};
-}
+Oracle::Weighted_point weighted_point(const WeightedPoint& p) { return {Kernel::Point_3(p.x, p.y, p.z), p.w}; }
 
-void check_equal(const Input& in) {
+void check_equal(const NamedSites& in) {
   CAPTURE(in.name);
   CAPTURE(in.size());
   const Ranks ranks(in);
-  const RegularTriangulation t(in.positions, in.weights);
+  const RegularTriangulation t = built(in);
   std::vector<Oracle::Weighted_point> points;
-  for (Eigen::Index k = 0; k < in.size(); ++k) points.push_back(weighted_point(in, k));
+  for (Index k = 0; k < in.size(); ++k) points.push_back(weighted_point(in.point(k)));
   const Oracle oracle(points.begin(), points.end());
   CHECK(t.check() == "");
   CHECK(static_cast<std::size_t>(t.num_cells()) == oracle.number_of_finite_cells());
@@ -108,97 +95,59 @@ void check_equal(const Input& in) {
   CHECK(cells_of(t, ranks) == cells_of(oracle, ranks));
 }
 
-Input cube(Rng& rng, Eigen::Index n, double weight_range) {
-  Input in("cube, weights to " + std::to_string(weight_range), n);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    for (int a = 0; a < 3; ++a) in.positions(k, a) = rng.uniform();
-    in.weights[k] = weight_range * rng.uniform();
-  }
-  return in;
+NamedSites random_sphere(Rng& rng, Index n, double weight_range) {
+  return {"sphere, weights to " + std::to_string(weight_range), sites_of(drawn(n, [&] {
+            WeightedPoint p = on_sphere(rng);
+            p.w = weight_range * rng.uniform();
+            return p;
+          }))};
 }
 
-Input sphere(Rng& rng, Eigen::Index n, double weight_range) {
-  Input in("sphere, weights to " + std::to_string(weight_range), n);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const double z = 2 * rng.uniform() - 1, a = kTurn * rng.uniform(), s = std::sqrt(1 - z * z);
-    in.positions.row(k) << s * std::cos(a), s * std::sin(a), z;
-    in.weights[k] = weight_range * rng.uniform();
-  }
-  return in;
-}
-
-Input torus(Rng& rng, Eigen::Index n) {
-  Input in("torus", n);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const double a = kTurn * rng.uniform(), b = kTurn * rng.uniform();
-    in.positions.row(k) << (2 + std::cos(b)) * std::cos(a), (2 + std::cos(b)) * std::sin(a), std::sin(b);
-  }
-  return in;
+NamedSites random_torus(Rng& rng, Index n) {
+  return {"torus", sites_of(made_points(n, [&rng](Index) {
+            const double a = 2 * kPi * rng.uniform(), b = 2 * kPi * rng.uniform();
+            return Vec3((2 + std::cos(b)) * std::cos(a), (2 + std::cos(b)) * std::sin(a), std::sin(b));
+          }))};
 }
 
 /// m³ points at spacing `step`, each coordinate the rounded product; then shifted.
-Input grid(int m, double step, double offset) {
-  Input in("grid " + std::to_string(m) + "³ at " + std::to_string(step) + " + " + std::to_string(offset), m * m * m);
-  Eigen::Index k = 0;
-  for (int x = 0; x < m; ++x) {
-    for (int y = 0; y < m; ++y) {
-      for (int z = 0; z < m; ++z) in.positions.row(k++) << x * step + offset, y * step + offset, z * step + offset;
-    }
-  }
-  return in;
+NamedSites grid(int m, double step, double offset) {
+  const WeightedPoints lattice = integer_points(0, m, [](int, int, int) { return true; });
+  const auto place = [&](const Vec3& x) -> Vec3 { return {x[0] * step + offset, x[1] * step + offset, x[2] * step + offset}; };
+  return {"grid " + std::to_string(m) + "³ at " + std::to_string(step) + " + " + std::to_string(offset),
+          sites_of(transformed(positions_of(lattice), place))};
 }
 
 /// All integer points of x² + y² + z² = r²: exactly cospherical; with weights: co-power-spherical.
-Input cospherical(int r, bool weighted) {
-  std::vector<std::array<int, 3>> all;
-  for (int x = -r; x <= r; ++x) {
-    for (int y = -r; y <= r; ++y) {
-      for (int z = -r; z <= r; ++z) {
-        const int d = x * x + y * y + z * z - r * r;
-        if (weighted ? (d >= 0 && d <= 6 && (x + y + z) % 2 == 0) : d == 0) all.push_back({x, y, z});
-      }
-    }
-  }
-  Input in(weighted ? "co-power-spherical" : "cospherical", static_cast<Eigen::Index>(all.size()));
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    const auto row = static_cast<Eigen::Index>(k);
-    in.positions.row(row) << all[k][0], all[k][1], all[k][2];
-    in.weights[row] = in.positions.row(row).squaredNorm() - r * r;
-  }
-  return in;
+NamedSites cospherical(int r, bool weighted) {
+  WeightedPoints points = integer_points(-r, r + 1, [&](int x, int y, int z) {
+    const int d = x * x + y * y + z * z - r * r;
+    return weighted ? d >= 0 && d <= 6 && (x + y + z) % 2 == 0 : d == 0;
+  });
+  for (WeightedPoint& p : points) p.w = p.position().squaredNorm() - r * r;
+  return {weighted ? "co-power-spherical" : "cospherical", sites_of(points)};
 }
 
-Input planes(Rng& rng, Eigen::Index n, int count) {
-  Input in(std::to_string(count) + " planes", n);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    in.positions.row(k) << rng.uniform(), rng.uniform(), static_cast<double>(rng.below(static_cast<std::uint64_t>(count)));
-  }
-  return in;
-}
-
-Input small_lattice(Rng& rng, Eigen::Index n, int side, int weights) {
-  Input in("lattice of " + std::to_string(side) + "³ hit " + std::to_string(n) + " times", n);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    for (int a = 0; a < 3; ++a) in.positions(k, a) = static_cast<double>(rng.below(static_cast<std::uint64_t>(side)));
-    in.weights[k] = static_cast<double>(rng.below(static_cast<std::uint64_t>(weights)));
-  }
-  return in;
+NamedSites random_planes(Rng& rng, Index n, Index count) {
+  return {std::to_string(count) + " planes", sites_of(made_points(n, [&](Index) {
+            return Vec3{rng.uniform(), rng.uniform(), static_cast<double>(below(rng, count))};
+          }))};
 }
 
 }  // namespace
 
 TEST_CASE("triangulation vs CGAL: equal cells on 1,000 to 10,000 points of every kind") {
   Rng rng(1);
-  for (const Eigen::Index n : {1000, 10000}) {
+  for (const Index n : {1000, 10000}) {
     for (const double range : {0.0, 1e-3, 0.1}) {
-      check_equal(cube(rng, n, range));
-      check_equal(sphere(rng, n, range));
+      check_equal(random_cube(rng, n, range));
+      check_equal(random_sphere(rng, n, range));
     }
-    check_equal(torus(rng, n));
-    check_equal(planes(rng, n, 2));
-    check_equal(planes(rng, n, 5));
-    check_equal(small_lattice(rng, n, 6, 3));
-    check_equal(small_lattice(rng, n, 20, 2));
+    check_equal(random_torus(rng, n));
+    check_equal(random_planes(rng, n, 2));
+    check_equal(random_planes(rng, n, 5));
+    check_equal(random_lattice(rng, n, 6, 3));
+    check_equal(random_lattice(rng, n, 20, 2));
   }
   for (const double step : {1.0, 1.0 / 3, 0.1, 1.0 / 13}) {
     check_equal(grid(13, step, 0.0));
@@ -210,27 +159,23 @@ TEST_CASE("triangulation vs CGAL: equal cells on 1,000 to 10,000 points of every
 
 TEST_CASE("triangulation vs CGAL: equal cells after each of some single insertions") {
   Rng rng(2);
-  for (const Input& in : {cube(rng, 1200, 0.01), small_lattice(rng, 800, 7, 3), grid(9, 1.0 / 3, 0), planes(rng, 600, 3)}) {
+  for (const NamedSites& in :
+       {random_cube(rng, 1200, 0.01), random_lattice(rng, 800, 7, 3), grid(9, 1.0 / 3, 0), random_planes(rng, 600, 3)}) {
     CAPTURE(in.name);
     const Ranks ranks(in);
-    const Eigen::Index bulk = in.size() / 2;
+    const Index bulk = in.size() / 2;
     // In random order: a grid's first half would be a smaller grid.
-    std::vector<Eigen::Index> order(static_cast<std::size_t>(in.size()));
-    for (std::size_t k = 0; k < order.size(); ++k) order[k] = static_cast<Eigen::Index>(k);
-    for (std::size_t k = order.size(); k > 1; --k) std::swap(order[k - 1], order[rng.below(k)]);
+    const std::vector<Index> order = shuffled(all_indices(in.size()), rng);
     Oracle oracle;
     RegularTriangulation t;
-    Input first("first half", bulk);
-    for (Eigen::Index k = 0; k < in.size(); ++k) {
-      const Eigen::Index row = order[static_cast<std::size_t>(k)];
-      oracle.insert(weighted_point(in, row));
+    for (Index k = 0; k < in.size(); ++k) {
+      const Index row = order[at(k)];
+      oracle.insert(weighted_point(in.point(row)));
       if (k < bulk) {
-        first.positions.row(k) = in.positions.row(row);
-        first.weights[k] = in.weights[row];
-        if (k + 1 == bulk) t.insert(first.positions, first.weights);
+        if (k + 1 == bulk) insert_all(t, head(chosen(in, order), bulk));
         continue;
       }
-      t.insert(Vec3(in.positions.row(row)), in.weights[row]);
+      t.insert(in.at(row), in.weights[row]);
       if (k % 17 == 0 || k + 1 == in.size()) {
         REQUIRE(t.check() == "");
         REQUIRE(cells_of(t, ranks) == cells_of(oracle, ranks));
@@ -242,16 +187,18 @@ TEST_CASE("triangulation vs CGAL: equal cells after each of some single insertio
 TEST_SUITE("slow") {
   TEST_CASE("triangulation vs CGAL: equal cells on 100,000 points") {
     Rng rng(3);
-    constexpr Eigen::Index n = 100000;
-    check_equal(cube(rng, n, 0.0));
-    check_equal(cube(rng, n, 1e-3));
-    check_equal(cube(rng, n, 0.1));
-    check_equal(sphere(rng, n, 1e-4));
-    check_equal(torus(rng, n));
-    check_equal(planes(rng, n, 2));
-    check_equal(small_lattice(rng, n, 30, 3));
+    constexpr Index n = 100000;
+    check_equal(random_cube(rng, n, 0.0));
+    check_equal(random_cube(rng, n, 1e-3));
+    check_equal(random_cube(rng, n, 0.1));
+    check_equal(random_sphere(rng, n, 1e-4));
+    check_equal(random_torus(rng, n));
+    check_equal(random_planes(rng, n, 2));
+    check_equal(random_lattice(rng, n, 30, 3));
     check_equal(grid(46, 1.0, 0));
     check_equal(grid(46, 1.0 / 46, 0));
     check_equal(grid(40, 1.0 / 3, 1e5));
   }
 }
+
+}  // namespace amps_test

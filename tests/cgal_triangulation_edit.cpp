@@ -3,6 +3,8 @@
 // cells are compared by the values of their corners.
 #include "amps/triangulation.h"
 
+#include "kit/triangulations.h"
+
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Regular_triangulation_3.h>
 
@@ -15,23 +17,14 @@
 #include <string>
 #include <vector>
 
-using amps::Index;
-using amps::kNone;
-using amps::Points;
-using amps::RegularTriangulation;
-using amps::Rng;
-using amps::Vec3;
-using amps::WeightedPoint;
+namespace amps_test {
 
 namespace {
 
-using State = RegularTriangulation::VertexState;
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using Oracle = CGAL::Regular_triangulation_3<Kernel>;
 using Site = std::array<double, 4>;
 using CellValues = std::vector<std::array<Site, 4>>;
-
-constexpr double kTurn = 6.283185307179586;
 
 CellValues sorted(CellValues cells) {
   for (auto& cell : cells) std::sort(cell.begin(), cell.end());
@@ -67,14 +60,6 @@ CellValues cells_of(const Oracle& oracle) {
 
 Oracle::Weighted_point weighted_point(const WeightedPoint& p) { return {Kernel::Point_3(p.x, p.y, p.z), p.w}; }
 
-std::vector<Index> live_ids(const RegularTriangulation& t) {
-  std::vector<Index> result;
-  for (Index v = 0; v < t.num_vertices(); ++v) {
-    if (t.state(v) != State::kRemoved) result.push_back(v);
-  }
-  return result;
-}
-
 /// CGAL's construction of what is left.
 Oracle rebuilt(const RegularTriangulation& t) {
   std::vector<Oracle::Weighted_point> points;
@@ -95,31 +80,9 @@ struct Kind {
   std::function<WeightedPoint(Rng&)> draw;
 };
 
-double integer(Rng& rng, unsigned n) { return static_cast<double>(rng.below(n)); }
-
-WeightedPoint in_cube(Rng& rng, double weight_range) {
-  const double x = rng.uniform(), y = rng.uniform(), z = rng.uniform();
-  return {x, y, z, weight_range * rng.uniform()};
-}
-
-WeightedPoint on_lattice(Rng& rng, unsigned side, unsigned weights) {
-  const double x = integer(rng, side), y = integer(rng, side), z = integer(rng, side);
-  return {x, y, z, integer(rng, weights)};
-}
-
 /// Integer points on the sphere of radius 45: 234 of them, exactly cospherical; those drawn twice are duplicates.
 WeightedPoint cospherical(Rng& rng) {
-  static const std::vector<WeightedPoint> all = [] {
-    std::vector<WeightedPoint> points;
-    for (int x = -45; x <= 45; ++x) {
-      for (int y = -45; y <= 45; ++y) {
-        for (int z = -45; z <= 45; ++z) {
-          if (x * x + y * y + z * z == 45 * 45) points.push_back({double(x), double(y), double(z), 0});
-        }
-      }
-    }
-    return points;
-  }();
+  static const WeightedPoints all = integer_sphere(45 * 45);
   return all[rng.below(all.size())];
 }
 
@@ -130,15 +93,16 @@ WeightedPoint co_power_spherical(Rng& rng) {
   return p;
 }
 
-WeightedPoint on_sphere(Rng& rng, double weight_range) {
-  const double z = 2 * rng.uniform() - 1, a = kTurn * rng.uniform(), s = std::sqrt(1 - z * z);
-  return {s * std::cos(a), s * std::sin(a), z, weight_range * rng.uniform()};
+WeightedPoint weighted_on_sphere(Rng& rng, double weight_range) {
+  WeightedPoint p = on_sphere(rng);
+  p.w = weight_range * rng.uniform();
+  return p;
 }
 
 /// On three planes, sometimes on one line of them.
 WeightedPoint on_planes(Rng& rng) {
   WeightedPoint p = in_cube(rng, 0);
-  p.z = integer(rng, 3);
+  p.z = below(rng, 3);
   if (rng.below(4) == 0) p.y = 0.5;
   return p;
 }
@@ -152,8 +116,8 @@ const std::vector<Kind>& kinds() {
                                         {"lattice of few points, weighted", [](Rng& rng) { return on_lattice(rng, 3, 4); }},
                                         {"cospherical", cospherical},
                                         {"co-power-spherical", co_power_spherical},
-                                        {"sphere", [](Rng& rng) { return on_sphere(rng, 0); }},
-                                        {"sphere, weighted", [](Rng& rng) { return on_sphere(rng, 0.01); }},
+                                        {"sphere", [](Rng& rng) { return weighted_on_sphere(rng, 0); }},
+                                        {"sphere, weighted", [](Rng& rng) { return weighted_on_sphere(rng, 0.01); }},
                                         {"planes", on_planes}};
   return all;
 }
@@ -175,9 +139,7 @@ void play(const Kind& kind, std::uint64_t seed, int operations, int every) {
     CAPTURE(k);
     const double u = rng.uniform(), growth = k < operations / 2 ? 0.6 : 0.35;
     const WeightedPoint p = kind.draw(rng);
-    const Index hint = t.cell_capacity() > 0 && rng.below(2) == 0
-                           ? static_cast<Index>(rng.below(static_cast<std::uint64_t>(t.cell_capacity())))
-                           : kNone;
+    const Index hint = t.cell_capacity() > 0 && rng.below(2) == 0 ? below(rng, t.cell_capacity()) : kNone;
     if (live.empty() || u < growth / 2) {
       live.push_back(t.insert(p.position(), p.w, hint));
     } else if (u < growth && !removed.empty()) {
@@ -230,7 +192,7 @@ TEST_CASE("triangulation edit vs CGAL: CGAL's own removals end in the same cells
       CAPTURE(k);
       Index v;
       do {
-        v = static_cast<Index>(rng.below(static_cast<std::uint64_t>(t.num_vertices())));
+        v = below(rng, t.num_vertices());
       } while (t.state(v) != State::kVisible);
       Oracle::Vertex_handle found;
       for (auto u = oracle.finite_vertices_begin(); u != oracle.finite_vertices_end(); ++u) {
@@ -260,18 +222,14 @@ TEST_SUITE("slow") {
     constexpr Index n = 50000;
     for (const Kind& kind : {kinds()[0], kinds()[1], kinds()[9]}) {
       CAPTURE(kind.name);
-      Points positions(n, 3);
-      Eigen::VectorXd weights(n);
-      for (Index k = 0; k < n; ++k) {
-        const WeightedPoint p = kind.draw(rng);
-        positions.row(k) = p.position().transpose();
-        weights[k] = p.w;
-      }
-      RegularTriangulation t(positions, weights);
+      const WeightedPoints sites = drawn(n, [&] { return kind.draw(rng); });
+      RegularTriangulation t = built(sites);
       for (Index v = 0; v < n; v += 2) t.remove(v);
       require_equal(t, rebuilt(t));
-      for (Index v = 0; v < n; v += 2) t.reinsert(v, positions.row(n - 2 - v).transpose(), weights[n - 2 - v]);
+      for (Index v = 0; v < n; v += 2) t.reinsert(v, sites[at(n - 2 - v)].position(), sites[at(n - 2 - v)].w);
       require_equal(t, rebuilt(t));
     }
   }
 }
+
+}  // namespace amps_test

@@ -4,6 +4,8 @@
 //   sources CTest:     fuzz_triangulation [SECONDS [SEED]] runs random bytes through it, 60 seconds by default
 #include "amps/triangulation.h"
 
+#include "kit/sites.h"
+
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -48,14 +50,11 @@ void require(bool good, const char* what) {
 
 /// As construction makes it of what is left.
 void require_rebuilt(const RegularTriangulation& t) {
-  amps::Points positions(t.num_vertices() - t.num_removed(), 3);
-  Eigen::VectorXd weights(positions.rows());
-  for (Index v = 0, row = 0; v < t.num_vertices(); ++v) {
-    if (t.state(v) == State::kRemoved) continue;
-    positions.row(row) = t.point(v).position().transpose();
-    weights[row++] = t.point(v).w;
+  amps_test::WeightedPoints left;
+  for (Index v = 0; v < t.num_vertices(); ++v) {
+    if (t.state(v) != State::kRemoved) left.push_back(t.point(v));
   }
-  const RegularTriangulation fresh(positions, weights);
+  const RegularTriangulation fresh(amps_test::positions_of(left), amps_test::weights_of(left));
   require(t.dimension() == fresh.dimension(), "another dimension than construction of what is left");
   require(t.num_cells() == fresh.num_cells() && t.num_hidden() == fresh.num_hidden(), "not construction of what is left");
   for (Index v = 0, row = 0; v < t.num_vertices(); ++v) {
@@ -80,15 +79,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const bool live = n > 0 && t.state(v) != State::kRemoved;
     const Index capacity = t.cell_capacity(), hint = capacity == 0 ? amps::kNone : bytes.byte() % capacity;
     if (what < 1) {
-      const Eigen::Index count = bytes.byte() % 16;
-      amps::Points positions(count, 3);
-      Eigen::VectorXd weights(count);
-      for (Eigen::Index k = 0; k < count; ++k) {
-        const amps::WeightedPoint q = bytes.point(kind);
-        positions.row(k) = q.position().transpose();
-        weights[k] = q.w;
-      }
-      t.insert(positions, weights);
+      const Index count = bytes.byte() % 16;
+      const amps_test::WeightedPoints some = amps_test::drawn(count, [&] { return bytes.point(kind); });
+      t.insert(amps_test::positions_of(some), amps_test::weights_of(some));
     } else if (what < 6 || n == 0) {
       t.insert(p.position(), p.w, hint);
     } else if (!live) {

@@ -121,7 +121,9 @@ tail -n 1 course.csv | grep -q '^[0-9]*,0,0,' || fail "the last line of the cour
 run 0 remesh torus.obj plain.obj --vertices 1200 --optimize none --json plain.json
 grep -q '"optimization"' plain.json && fail "--optimize none optimises"
 run 0 remesh torus.obj one.obj --vertices 1200 --optimize angle --iterations 1 --json one.json
-grep -q '"status": "iteration limit"' one.json || fail "--iterations 1 does not stop"
+[ "$(grep -c '"status": "iteration limit"' one.json)" = 2 ] || fail "--iterations 1 does not stop"
+run 0 remesh torus.obj stalled.obj --vertices 60 --angle-min 59 --angle-max 61 --json stalled.json
+[ "$(grep -c '"status": "stalled"' stalled.json)" = 2 ] || fail "bounds out of reach are not reported as stalled"
 bad "name angle" remesh torus.obj no.obj --vertices 100 --optimize angels
 bad "goes with" remesh torus.obj no.obj --vertices 100 --optimize valence --angle-min 40
 bad "does not go" remesh torus.obj no.obj --vertices 100 --optimize none --convergence course2.csv

@@ -1,17 +1,17 @@
 #include "amps/kdtree.h"
 
+#include "kit/points.h"
+#include "kit/random.h"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
 #include <utility>
 #include <vector>
 
-using amps::Index;
+namespace amps_test {
+
 using amps::KdTree;
-using amps::kNone;
-using amps::Points;
-using amps::Rng;
-using amps::Vec3;
 
 namespace {
 
@@ -20,7 +20,7 @@ using Neighbors = std::vector<KdTree::Neighbor>;
 /// All points by distance, then index.
 Neighbors sorted_by_brute_force(const Points& points, const Vec3& q) {
   std::vector<std::pair<double, Index>> all;
-  for (Index i = 0; i < points.rows(); ++i) {
+  for (Index i = 0; i < rows(points); ++i) {
     const double dx = q[0] - points(i, 0), dy = q[1] - points(i, 1), dz = q[2] - points(i, 2);
     all.emplace_back(dx * dx + dy * dy + dz * dz, i);
   }
@@ -41,7 +41,7 @@ void require_equal(const Neighbors& a, const Neighbors& b, std::size_t size) {
 
 void compare_with_brute_force(const Points& points, const std::vector<Vec3>& queries) {
   const KdTree tree(points);
-  REQUIRE(tree.size() == points.rows());
+  REQUIRE(tree.size() == rows(points));
   Neighbors found;
   for (const Vec3& q : queries) {
     const Neighbors all = sorted_by_brute_force(points, q);
@@ -66,11 +66,10 @@ void compare_with_brute_force(const Points& points, const std::vector<Vec3>& que
 TEST_CASE("kdtree: agrees with brute force on random points") {
   Rng rng(1);
   for (const Index n : {1, 2, 9, 10, 11, 500, 2000}) {
-    Points points(n, 3);
-    for (Index i = 0; i < n; ++i) points.row(i) << rng.uniform(), rng.uniform(), 0.01 * rng.uniform();
+    const Points points = made_points(n, [&rng](Index) { return Vec3{rng.uniform(), rng.uniform(), 0.01 * rng.uniform()}; });
     std::vector<Vec3> queries;
     for (int i = 0; i < 60; ++i) queries.emplace_back(2 * rng.uniform() - 0.5, rng.uniform(), rng.uniform());
-    for (Index i = 0; i < std::min<Index>(n, 20); ++i) queries.push_back(points.row(i).transpose());
+    for (Index i = 0; i < std::min<Index>(n, 20); ++i) queries.push_back(point_at(points, i));
     compare_with_brute_force(points, queries);
   }
 }
@@ -81,9 +80,7 @@ TEST_CASE("kdtree: ties go by index, on a lattice whose every point is there thr
     for (int i = 0; i < 343; ++i) lattice.push_back(Vec3(i % 7, i / 7 % 7, i / 49) / 4);
   }
   Rng rng(2);
-  for (std::size_t i = lattice.size() - 1; i > 0; --i) std::swap(lattice[i], lattice[rng.below(i + 1)]);
-  Points points(static_cast<Index>(lattice.size()), 3);
-  for (std::size_t i = 0; i < lattice.size(); ++i) points.row(static_cast<Index>(i)) = lattice[i].transpose();
+  const Points points = points_of(shuffled(lattice, rng));
   std::vector<Vec3> queries;
   for (int i = 0; i < 100; ++i) {  // lattice points and centres of cells, edges, faces
     queries.push_back(
@@ -93,19 +90,18 @@ TEST_CASE("kdtree: ties go by index, on a lattice whose every point is there thr
 }
 
 TEST_CASE("kdtree: equal points, and points at one distance from the query up to rounding") {
-  compare_with_brute_force(Points::Constant(300, 3, 0.1), {Vec3(0.1, 0.1, 0.1), Vec3(0, 0, 0)});
+  compare_with_brute_force(constant_points(300, 0.1), {Vec3(0.1, 0.1, 0.1), Vec3(0, 0, 0)});
   Rng rng(3);
-  Points sphere(1000, 3);
-  for (Index i = 0; i < 1000; ++i) {
-    sphere.row(i) << rng.uniform() - 0.5, rng.uniform() - 0.5, rng.uniform() - 0.5;
-    sphere.row(i) *= 0.25 / sphere.row(i).norm();
-  }
+  const Points sphere = made_points(1000, [&rng](Index) -> Vec3 {
+    const Vec3 x = random_point(rng) - Vec3::Constant(0.5);
+    return x * (0.25 / x.norm());
+  });
   compare_with_brute_force(sphere, {Vec3(0, 0, 0)});
 }
 
 TEST_CASE("kdtree: an empty set has no neighbours; the points are copied; trees move") {
   Neighbors found = {{3, 1.0}};
-  const KdTree empty{Points(0, 3)};
+  const KdTree empty{no_points()};
   CHECK(empty.size() == 0);
   CHECK(empty.nearest(Vec3(0, 0, 0)).index == kNone);
   empty.k_nearest(Vec3(0, 0, 0), 5, found);
@@ -114,11 +110,12 @@ TEST_CASE("kdtree: an empty set has no neighbours; the points are copied; trees 
   empty.in_radius(Vec3(0, 0, 0), 5, found);
   CHECK(found.empty());
 
-  Points points(2, 3);
-  points << 0, 0, 0, 1, 0, 0;
+  Points points = points_of({{0, 0, 0}, {1, 0, 0}});
   KdTree tree(points);
-  points.setConstant(9);
+  points = constant_points(2, 9);
   KdTree moved = std::move(tree);
   CHECK(moved.nearest(Vec3(0.9, 0, 0)).index == 1);
   CHECK(moved.nearest(Vec3(0.5, 0, 0)).index == 0);
 }
+
+}  // namespace amps_test

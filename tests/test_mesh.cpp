@@ -1,44 +1,35 @@
 #include "amps/mesh.h"
-#include "amps/mesh_io.h"
-#include "amps/shapes.h"
-#include "test_data.h"
+
+#include "kit/data.h"
+#include "kit/errors.h"
+#include "kit/meshes.h"
 
 #include <doctest/doctest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <set>
 #include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
+namespace amps_test {
+
 namespace {
 
-using amps::Index;
-using amps::Mesh;
+Mesh corner_triangle() { return one_triangle({0, 0, 0}, {2, 0, 0}, {0, 1, 0}); }
 
-Mesh mesh_of(const std::vector<amps::Vec3>& points, const std::vector<Eigen::Matrix<Index, 1, 3>>& facets) {
-  Mesh mesh;
-  mesh.vertices.resize(static_cast<Eigen::Index>(points.size()), 3);
-  mesh.triangles.resize(static_cast<Eigen::Index>(facets.size()), 3);
-  for (std::size_t i = 0; i < points.size(); ++i) mesh.vertices.row(static_cast<Eigen::Index>(i)) = points[i].transpose();
-  for (std::size_t i = 0; i < facets.size(); ++i) mesh.triangles.row(static_cast<Eigen::Index>(i)) = facets[i];
-  return mesh;
-}
-
-Mesh one_triangle() { return mesh_of({{0, 0, 0}, {2, 0, 0}, {0, 1, 0}}, {{0, 1, 2}}); }
-
+/// Why a mesh cannot be used; empty: it can.
 std::string trouble_with(const Mesh& mesh) {
-  try {
-    amps::require_usable(mesh);
-  } catch (const amps::Error& error) {
-    CHECK(error.code() == amps::ErrorCode::kInvalidMesh);
-    return error.what();
+  if (amps::check(mesh).usable()) {
+    CHECK_NOTHROW(amps::require_usable(mesh));
+    return "";
   }
-  return "";
+  const Thrown thrown = thrown_by([&mesh] { amps::require_usable(mesh); });
+  CHECK(thrown.code == ErrorCode::kInvalidMesh);
+  return thrown.text;
 }
 
 bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
@@ -107,7 +98,7 @@ const Facts kFacts[] = {
 TEST_CASE("mesh: real files have the defects and the topology other programs found in them") {
   int tried = 0;
   for (const Facts& facts : kFacts) {
-    const auto path = amps_test::data_file(facts.name);
+    const auto path = data_file(facts.name);
     if (!path) continue;
     ++tried;
     CAPTURE(facts.name);
@@ -140,38 +131,37 @@ TEST_CASE("mesh: real files have the defects and the topology other programs fou
 }
 
 TEST_CASE("mesh: area is the sum of facet areas, half the cross product, the same at any scale") {
-  CHECK(amps::total_area(one_triangle()) == 1.0);
+  CHECK(amps::total_area(corner_triangle()) == 1.0);
   const Mesh sphere = amps::make_sphere(2000, 1.0);
   const std::vector<double> areas = amps::facet_areas(sphere);
   double sum = 0;
   for (const double area : areas) sum += area;
   CHECK(amps::total_area(sphere) == doctest::Approx(sum).epsilon(1e-13));
   for (const int exponent : {-500, -310, 310, 500}) {
-    Mesh scaled = sphere;
-    scaled.vertices *= std::ldexp(1.0, exponent);
-    CHECK(amps::total_area(scaled) == std::ldexp(amps::total_area(sphere), 2 * exponent));  // powers of two: no rounding
-    CHECK(amps::facet_normals(scaled) == amps::facet_normals(sphere));
+    const Mesh other = scaled(sphere, std::ldexp(1.0, exponent));
+    CHECK(amps::total_area(other) == std::ldexp(amps::total_area(sphere), 2 * exponent));  // powers of two: no rounding
+    CHECK(same_values(amps::facet_normals(other), amps::facet_normals(sphere)));
   }
 }
 
 TEST_CASE("mesh: normals are unit, point to the right-hand side, and vanish where there is no area") {
   const Mesh sphere = amps::make_sphere(500, 3.0);
-  const amps::Points normals = amps::facet_normals(sphere);
-  const amps::MeshView view(sphere);
+  const Points normals = amps::facet_normals(sphere);
+  const MeshView view(sphere);
   for (Index f = 0; f < view.num_facets(); ++f) {
-    REQUIRE(normals.row(f).norm() == doctest::Approx(1.0).epsilon(1e-14));
-    const amps::Vec3 middle = (view.corner(f, 0) + view.corner(f, 1) + view.corner(f, 2)) / 3.0;
-    REQUIRE(normals.row(f).dot(middle.transpose()) > 0);
+    REQUIRE(point_at(normals, f).norm() == doctest::Approx(1.0).epsilon(1e-14));
+    const Vec3 middle = (view.corner(f, 0) + view.corner(f, 1) + view.corner(f, 2)) / 3.0;
+    REQUIRE(point_at(normals, f).dot(middle) > 0);
   }
   const Mesh flat = mesh_of({{0.1, 0.1, 0.1}, {0.2, 0.2, 0.2}, {0.7, 0.7, 0.7}}, {{0, 1, 2}, {0, 1, 1}});
-  CHECK(amps::facet_normals(flat).isZero(0));
+  CHECK(all_zero(amps::facet_normals(flat)));
   CHECK(amps::facet_areas(flat) == std::vector<double>{0.0, 0.0});
 }
 
 TEST_CASE("mesh: zero area is decided exactly, not by a tolerance") {
   // On the diagonal every coordinate triple is collinear whatever its rounding; one last bit off it is not.
   for (const double t : {0.1, 1.0 / 3.0, 0.7, 1e-9, 1e9}) {
-    amps::Vec3 p = amps::Vec3::Constant(t);
+    Vec3 p = Vec3::Constant(t);
     const auto zero_area = [&p] { return amps::check(mesh_of({{0, 0, 0}, {1, 1, 1}, p}, {{0, 1, 2}})).zero_area_facets; };
     CHECK(zero_area() == 1);
     p.z() = std::nextafter(t, 2 * t);
@@ -180,84 +170,68 @@ TEST_CASE("mesh: zero area is decided exactly, not by a tolerance") {
 }
 
 TEST_CASE("mesh: the box is that of the vertices in use") {
-  Mesh mesh = mesh_of({{9, 9, 9}, {0, -1, 0}, {2, 0, 0}, {0, 1, 5}}, {{1, 2, 3}});
-  CHECK(amps::bounding_box(mesh).min == amps::Vec3(0, -1, 0));
-  CHECK(amps::bounding_box(mesh).max == amps::Vec3(2, 1, 5));
-  mesh.triangles.resize(0, 3);
-  CHECK(amps::bounding_box(mesh).diagonal() == 0.0);
+  const Mesh mesh = mesh_of({{9, 9, 9}, {0, -1, 0}, {2, 0, 0}, {0, 1, 5}}, {{1, 2, 3}});
+  CHECK(amps::bounding_box(mesh).min == Vec3(0, -1, 0));
+  CHECK(amps::bounding_box(mesh).max == Vec3(2, 1, 5));
+  CHECK(amps::bounding_box(without_facets(mesh)).diagonal() == 0.0);
 }
 
 TEST_CASE("mesh: what cannot be worked on is refused, naming the place") {
-  CHECK(trouble_with(one_triangle()).empty());
+  CHECK(trouble_with(corner_triangle()).empty());
   CHECK(contains(trouble_with(Mesh{}), "no facet"));
-  Mesh mesh = one_triangle();
-  mesh.vertices(2, 1) = std::numeric_limits<double>::quiet_NaN();
+  Mesh mesh = corner_triangle();
+  mesh.vertices(2, 1) = kNaN;
   CHECK(contains(trouble_with(mesh), "vertex 2"));
   CHECK_FALSE(amps::check(mesh).usable());
   CHECK(amps::check(mesh).non_finite_vertices == 1);
-  mesh.vertices(2, 1) = std::numeric_limits<double>::infinity();
+  mesh.vertices(2, 1) = kInfinity;
   CHECK(contains(trouble_with(mesh), "vertex 2"));
   for (const Index bad : {-1, 3, std::numeric_limits<Index>::max()}) {
-    mesh = one_triangle();
+    mesh = corner_triangle();
     mesh.triangles(0, 1) = bad;
     CHECK(contains(trouble_with(mesh), "facet 0"));
     CHECK(amps::check(mesh).out_of_range_facets == 1);
     CHECK_FALSE(amps::check(mesh).usable());
-    CHECK_THROWS_AS(amps::total_area(mesh), amps::Error);
-    CHECK_THROWS_AS(amps::merge_equal_vertices(mesh), amps::Error);
-    CHECK_THROWS_AS(amps::remove_isolated_vertices(mesh), amps::Error);
+    CHECK_THROWS_AS(amps::total_area(mesh), Error);
+    CHECK_THROWS_AS(amps::merge_equal_vertices(mesh), Error);
+    CHECK_THROWS_AS(amps::remove_isolated_vertices(mesh), Error);
   }
   mesh = mesh_of({{0, 0, 0}, {1, 2, 3}, {2, 4, 6}}, {{0, 1, 2}});
   CHECK(contains(trouble_with(mesh), "no area"));
-  mesh = one_triangle();
-  mesh.vertices *= 1e200;
+  mesh = scaled(corner_triangle(), 1e200);
   CHECK(contains(trouble_with(mesh), "too large"));
   CHECK_FALSE(amps::check(mesh).usable());
 }
 
 TEST_CASE("mesh: isolated vertices go, order and geometry stay") {
-  Mesh mesh = amps::make_sphere(80, 1.0);
-  const Mesh original = mesh;
-  const Eigen::Index n = mesh.vertices.rows();
-  amps::Points padded(2 * n, 3);
-  for (Eigen::Index v = 0; v < n; ++v) {
-    padded.row(2 * v) << 100.0, 100.0, static_cast<double>(v);
-    padded.row(2 * v + 1) = original.vertices.row(v);
-  }
-  mesh.vertices = padded;
-  mesh.triangles = original.triangles.unaryExpr([](Index i) { return 2 * i + 1; });
+  const Mesh original = amps::make_sphere(80, 1.0);
+  const Index n = rows(original.vertices);
+  const Points padded =
+      made_points(2 * n, [&](Index v) { return v % 2 == 0 ? Vec3(100, 100, v / 2) : point_at(original.vertices, v / 2); });
+  const Mesh mesh{padded, renumbered(original.triangles, [](Index v) { return 2 * v + 1; })};
   CHECK(amps::check(mesh).isolated_vertices == n);
   const Mesh cleaned = amps::remove_isolated_vertices(mesh);
-  CHECK(cleaned.vertices == original.vertices);
-  CHECK(cleaned.triangles == original.triangles);
+  CHECK(same_values(cleaned.vertices, original.vertices));
+  CHECK(same_values(cleaned.triangles, original.triangles));
 }
 
 TEST_CASE("mesh: merging a soup gives back the mesh; −0 equals 0, NaN equals nothing") {
   const Mesh original = amps::make_cube(4);
-  Mesh soup;
-  soup.vertices.resize(3 * original.triangles.rows(), 3);
-  soup.triangles.resize(original.triangles.rows(), 3);
-  for (Eigen::Index f = 0; f < original.triangles.rows(); ++f) {
-    for (Eigen::Index k = 0; k < 3; ++k) {
-      soup.vertices.row(3 * f + k) = original.vertices.row(original.triangles(f, k));
-      if (f % 2 == 0)
-        soup.vertices.row(3 * f + k) = -(-soup.vertices.row(3 * f + k).array() + 0.0).matrix();  // some zeros are −0
-      soup.triangles(f, k) = static_cast<Index>(3 * f + k);
-    }
+  Mesh soup = soup_of(original);
+  for (Index v = 0; v < rows(soup.vertices); ++v) {  // some zeros are −0
+    const Vec3 x = point_at(soup.vertices, v);
+    if (v / 3 % 2 == 0) soup.vertices.row(v) = Vec3(-(-x[0] + 0.0), -(-x[1] + 0.0), -(-x[2] + 0.0)).transpose();
   }
-  CHECK(amps::topology(soup).components == soup.triangles.rows());
-  CHECK(amps::check(soup).duplicate_vertices == soup.vertices.rows() - original.vertices.rows());
+  CHECK(amps::topology(soup).components == rows(soup.triangles));
+  CHECK(amps::check(soup).duplicate_vertices == rows(soup.vertices) - rows(original.vertices));
   const Mesh merged = amps::merge_equal_vertices(soup);
-  CHECK(merged.vertices.rows() == original.vertices.rows());
+  CHECK(rows(merged.vertices) == rows(original.vertices));
   CHECK(amps::topology(merged).euler_characteristic == 2);
   CHECK(amps::topology(merged).closed());
-  for (Eigen::Index f = 0; f < merged.triangles.rows(); ++f) {
-    for (Eigen::Index k = 0; k < 3; ++k) {
-      REQUIRE(merged.vertices.row(merged.triangles(f, k)) == original.vertices.row(original.triangles(f, k)));
-    }
+  for (Index f = 0; f < rows(merged.triangles); ++f) {
+    for (int k = 0; k < 3; ++k) REQUIRE(MeshView(merged).corner(f, k) == MeshView(original).corner(f, k));
   }
-  Mesh nan = one_triangle();
-  nan.vertices.setConstant(std::numeric_limits<double>::quiet_NaN());
+  const Mesh nan{constant_points(3, kNaN), corner_triangle().triangles};
   CHECK(amps::merge_equal_vertices(nan).vertices.rows() == 3);
 }
 
@@ -267,7 +241,7 @@ TEST_CASE("mesh: topology of the textbook shapes") {
     Mesh mesh;
     Index components, euler, loops, nm_edges, nm_vertices, inconsistent;
   };
-  const std::vector<amps::Vec3> six = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 0}, {1, 1, 1}};
+  const std::vector<Vec3> six = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 0}, {1, 1, 1}};
   const Case cases[] = {
       {"triangle", mesh_of(six, {{0, 1, 2}}), 1, 1, 1, 0, 0, 0},
       {"two sides of a triangle", mesh_of(six, {{0, 1, 2}, {0, 2, 1}}), 1, 2, 0, 0, 0, 0},
@@ -292,11 +266,11 @@ TEST_CASE("mesh: topology of the textbook shapes") {
 }
 
 TEST_CASE("mesh: edges are counted as by a set") {
-  amps::Rng rng(7);
+  Rng rng(7);
   for (int round = 0; round < 20; ++round) {
     const std::uint64_t n = 4 + rng.below(30);
-    std::vector<amps::Vec3> points;
-    std::vector<Eigen::Matrix<Index, 1, 3>> facets;
+    std::vector<Vec3> points;
+    std::vector<Corners> facets;
     for (std::uint64_t i = 0; i < n; ++i) points.emplace_back(rng.uniform(), rng.uniform(), rng.uniform());
     const auto vertex = [&] { return static_cast<Index>(rng.below(n)); };
     for (std::uint64_t i = 0; i < 3 * n; ++i) facets.push_back({vertex(), vertex(), vertex()});
@@ -304,9 +278,9 @@ TEST_CASE("mesh: edges are counted as by a set") {
     std::multiset<std::pair<Index, Index>> sides;
     std::set<std::pair<Index, Index>> edges;
     for (const auto& f : facets) {
-      if (f(0) == f(1) || f(1) == f(2) || f(2) == f(0)) continue;
-      for (int k = 0; k < 3; ++k) {
-        const std::pair<Index, Index> edge = std::minmax({f(k), f((k + 1) % 3)});
+      if (f[0] == f[1] || f[1] == f[2] || f[2] == f[0]) continue;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::pair<Index, Index> edge = std::minmax({f[k], f[(k + 1) % 3]});
         sides.insert(edge);
         edges.insert(edge);
       }
@@ -326,12 +300,14 @@ TEST_CASE("mesh: edges are counted as by a set") {
 TEST_CASE("mesh: functions take a caller's buffers as they are") {
   const double xyz[9] = {0, 0, 0, 2, 0, 0, 0, 1, 0};
   const Index corners[3] = {0, 1, 2};
-  const Eigen::Map<const amps::Points> vertices(xyz, 3, 3);
-  const Eigen::Map<const amps::Triangles> triangles(corners, 1, 3);
-  const amps::MeshView view(vertices, triangles);
+  const Eigen::Map<const Points> vertices(xyz, 3, 3);
+  const Eigen::Map<const Triangles> triangles(corners, 1, 3);
+  const MeshView view(vertices, triangles);
   CHECK(view.vertices.data() == xyz);
   CHECK(amps::total_area(view) == 1.0);
   std::ostringstream text;
   text << amps::check(view);
   CHECK(contains(text.str(), "usable                 yes"));
 }
+
+}  // namespace amps_test

@@ -1,41 +1,19 @@
-#include "test_diagrams.h"
+#include "amps/power_diagram.h"
 
-#include <limits>
+#include "kit/diagrams.h"
+#include "kit/errors.h"
+#include "kit/execution.h"
 
-using amps::ErrorCode;
-using amps::Index;
-using amps::kNone;
-using amps::Mesh;
-using amps::MeshView;
-using amps::Points;
-using amps::Rng;
-using amps::Triangles;
-using amps::Vec3;
-using amps_test::broken_law;
-using amps_test::Canonical;
-using amps_test::canonical;
-using amps_test::CanonicalDiagram;
-using amps_test::check_everything;
-using amps_test::corner_key;
-using amps_test::count_hidden;
-using amps_test::Diagram;
-using amps_test::error_of;
-using amps_test::inserted_one_by_one;
-using amps_test::integer_sphere;
-using amps_test::mesh_of;
-using amps_test::NamedMesh;
-using amps_test::open_book;
-using amps_test::random_sites;
-using amps_test::random_soup;
-using amps_test::same_bits;
-using amps_test::same_diagram;
-using amps_test::scaled;
-using amps_test::Sites;
-using amps_test::sites_of;
-using amps_test::small_knot;
-using amps_test::small_meshes;
-using amps_test::with_random_flips;
-using amps_test::worst_area_error;
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <set>
+#include <vector>
+
+namespace amps_test {
 
 TEST_CASE("power_diagram: fragments tile every facet, labels are mutual, corners at a vertex have the same bits") {
   for (const auto& model : small_meshes()) {
@@ -72,7 +50,7 @@ TEST_CASE("power_diagram: areas per site agree with a clip by all bisectors") {
       const Sites off_surface = random_sites(mesh, n, 0.05 * spacing2, 9, 0.5 * size);
       CHECK(worst_area_error(mesh, off_surface, {mesh, off_surface.positions, off_surface.weights}) <= 1e-12);
       Sites negative = uniform;
-      negative.weights.setConstant(-3 * size * size);
+      negative.weights = constant_values(n, -3 * size * size);
       CHECK(worst_area_error(mesh, negative, {mesh, negative.positions, negative.weights}) <= 1e-12);
     }
   }
@@ -161,7 +139,7 @@ TEST_CASE("power_diagram: a lattice of sites whose bisectors run along mesh edge
   SUBCASE("the mesh above the lattice") { check_everything(scaled(amps::make_square(12), 6, {0, 0, 2}), sites); }
   SUBCASE("equal weights") {
     Sites weighted = sites;
-    weighted.weights.setConstant(0.7);
+    weighted.weights = constant_values(weighted.size(), 0.7);
     check_everything(scaled(amps::make_square(12), 6), weighted);
   }
   SUBCASE("weights of a checkerboard") {
@@ -214,7 +192,7 @@ TEST_CASE("power_diagram: a facet within a bisector belongs to the lexicographic
 TEST_CASE("power_diagram: cospherical sites, all at one distance from a mesh vertex") {
   for (const int n : {9, 14, 50}) {
     CAPTURE(n);
-    std::vector<Vec3> points = integer_sphere(n);
+    const WeightedPoints points = integer_sphere(n);
     REQUIRE(points.size() >= 30);
     const Sites sites = sites_of(points);
     check_everything(scaled(amps::make_cube(2), 8, {-4, -4, -4}), sites);
@@ -222,12 +200,8 @@ TEST_CASE("power_diagram: cospherical sites, all at one distance from a mesh ver
     const Mesh fan = mesh_of({{0, 0, 0}, {9, 0, 0}, {0, 9, 0}, {0, 0, 9}, {-9, -9, 0}, {0, -9, -9}},
                              {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {0, 4, 5}, {4, 0, 2}, {1, 5, 0}});
     check_everything(fan, sites);
-    Sites with_centre = sites;
-    with_centre.positions.conservativeResize(sites.size() + 1, 3);
-    with_centre.weights.conservativeResize(sites.size() + 1);
-    with_centre.positions.row(sites.size()).setZero();
     // The lightest site at the centre that is not seen: its power there equals the others'.
-    with_centre.weights[sites.size()] = -n;
+    const Sites with_centre = joined(sites, sites_of(WeightedPoints{{0, 0, 0, double(-n)}}));
     check_everything(fan, with_centre);
   }
 }
@@ -237,10 +211,8 @@ TEST_CASE("power_diagram: sites at the vertices of the mesh") {
     const auto& [name, mesh] = model;
     if (mesh.vertices.rows() > 120) continue;
     CAPTURE(model.name);
-    Sites sites{mesh.vertices, Eigen::VectorXd::Zero(mesh.vertices.rows())};
-    check_everything(mesh, sites);
-    sites.weights.setConstant(0.25);
-    check_everything(mesh, sites);
+    check_everything(mesh, sites_of(mesh.vertices));
+    check_everything(mesh, sites_of(mesh.vertices, 0.25));
   }
 }
 
@@ -310,24 +282,13 @@ TEST_CASE("power_diagram: heavier and heavier sites hide all before them") {
 TEST_CASE("power_diagram: changed() lists exactly the fragments that an insertion touched") {
   const Mesh mesh = amps::make_sphere(320);
   const Sites sites = random_sites(mesh, 250, 0.3, 71);
-  Diagram diagram(mesh, sites.positions.topRows(5), sites.weights.head(5));
-  const auto snapshot = [&diagram] {
-    std::map<Index, std::pair<std::array<Index, 2>, Canonical>> result;
-    for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
-      if (!diagram.alive(f)) continue;
-      const Diagram::Polygon p = diagram.polygon(f);
-      auto& entry = result[f];
-      entry.first = {p.facet, p.site};
-      entry.second.labels.assign(p.labels, p.labels + p.size);
-      for (Index k = 0; k < p.size; ++k) entry.second.corners.push_back({p.corners[k].x(), p.corners[k].y(), p.corners[k].z()});
-    }
-    return result;
-  };
+  const Sites begin = head(sites, 5);
+  Diagram diagram(mesh, begin.positions, begin.weights);
   Index hidden = 0;
   for (Index s = 5; s < sites.size(); ++s) {
-    const auto before = snapshot();
+    const auto before = snapshot(diagram);
     diagram.insert(sites.at(s), sites.weights[s]);
-    const auto after = snapshot();
+    const auto after = snapshot(diagram);
     std::set<Index> expected;
     for (const auto& [f, entry] : before) {
       if (after.count(f) == 0 || !(after.at(f).first == entry.first && after.at(f).second == entry.second)) expected.insert(f);
@@ -350,14 +311,15 @@ TEST_CASE("power_diagram: any number of threads gives the same diagram, slot by 
   const Diagram one(mesh, sites.positions, sites.weights, 1);
   for (const unsigned threads : {2u, 3u, 8u, 0u}) {
     CAPTURE(threads);
-    const Diagram many(mesh, sites.positions, sites.weights, threads);
+    const Diagram many(mesh, sites.positions, sites.weights, on_threads(threads));
     REQUIRE(many.fragment_capacity() == one.fragment_capacity());
     bool same = true;
     for (Index f = 0; f < one.fragment_capacity() && same; ++f) {
       const Diagram::Polygon p = one.polygon(f), q = many.polygon(f);
-      same = p.facet == q.facet && p.site == q.site && p.size == q.size && std::equal(p.labels, p.labels + p.size, q.labels) &&
-             std::equal(p.corners, p.corners + p.size, q.corners, same_bits) && one.next_of_site(f) == many.next_of_site(f) &&
-             one.next_of_facet(f) == many.next_of_facet(f);
+      same =
+          p.facet == q.facet && p.site == q.site && p.size == q.size && std::equal(p.labels, p.labels + p.size, q.labels) &&
+          std::equal(p.corners, p.corners + p.size, q.corners, [](const Vec3& x, const Vec3& y) { return same_bits(x, y); }) &&
+          one.next_of_site(f) == many.next_of_site(f) && one.next_of_facet(f) == many.next_of_facet(f);
     }
     CHECK(same);
     CHECK(one.dual_triangles() == many.dual_triangles());
@@ -398,15 +360,10 @@ TEST_CASE("power_diagram: dual triangles turn as their facet does and meet at a 
 }
 
 TEST_CASE("power_diagram: facets without area are skipped, isolated vertices do not matter") {
-  Mesh mesh = amps::make_square(2);
-  const Index facets = static_cast<Index>(mesh.triangles.rows());
-  mesh.triangles.conservativeResize(facets + 4, 3);
-  mesh.triangles.row(facets) << 0, 0, 1;      // repeated index
-  mesh.triangles.row(facets + 1) << 4, 4, 4;  // a point
-  mesh.triangles.row(facets + 2) << 0, 1, 2;  // a line of three vertices
-  mesh.triangles.row(facets + 3) << 0, 4, 8;
-  mesh.vertices.conservativeResize(mesh.vertices.rows() + 1, 3);
-  mesh.vertices.row(mesh.vertices.rows() - 1) << 1e3, -1e3, 1e3;
+  const Mesh square = amps::make_square(2);
+  const Index facets = rows(square.triangles);
+  // A repeated index, a point, and two lines of three vertices.
+  const Mesh mesh = with_vertices(with_facets(square, {{0, 0, 1}, {4, 4, 4}, {0, 1, 2}, {0, 4, 8}}), {{1e3, -1e3, 1e3}});
   const Sites sites = random_sites(amps::make_square(2), 30, 0.01, 101);
   check_everything(mesh, sites);
   const Diagram diagram(mesh, sites.positions, sites.weights);
@@ -457,9 +414,8 @@ TEST_CASE("power_diagram: scaling by a power of two changes no label") {
     CAPTURE(exponent);
     const double factor = std::ldexp(1.0, exponent);
     const Mesh big = scaled(mesh, factor);
-    const Points positions = sites.positions * factor;
-    const Eigen::VectorXd weights = sites.weights * factor * factor;
-    const Diagram diagram(big, positions, weights);
+    const Sites far_apart = scaled(sites, factor);
+    const Diagram diagram(big, far_apart.positions, far_apart.weights);
     const CanonicalDiagram found = canonical(diagram);
     REQUIRE(found.size() == expected.size());
     bool same_labels = true;
@@ -476,7 +432,7 @@ TEST_CASE("power_diagram: scaling by a power of two changes no label") {
     CHECK(same_labels);
     CHECK(worst <= 1e-14);
     CHECK(diagram.check() == "");
-    CHECK(same_diagram(diagram, inserted_one_by_one(big, {positions, weights})));
+    CHECK(same_diagram(diagram, inserted_one_by_one(big, far_apart)));
     const std::vector<double> scaled_areas = diagram.cell_areas();
     for (std::size_t s = 0; s < areas.size(); ++s) {
       CHECK(scaled_areas[s] / factor / factor == doctest::Approx(areas[s]).epsilon(1e-12));
@@ -487,39 +443,36 @@ TEST_CASE("power_diagram: scaling by a power of two changes no label") {
 TEST_CASE("power_diagram: sites far away from the mesh, and one site alone") {
   const Mesh mesh = amps::make_sphere(80);
   Sites sites = random_sites(mesh, 20, 0, 141);
-  sites.positions.rowwise() += Eigen::RowVector3d(1e4, 0, 0);
+  sites.positions = moved(sites.positions, {1e4, 0, 0});
   const Diagram diagram(mesh, sites.positions, sites.weights);
   CHECK(broken_law(mesh, diagram) == "");
   CHECK(worst_area_error(mesh, sites, diagram) <= 1e-9);
 
-  Diagram alone(mesh, Points::Zero(1, 3), Eigen::VectorXd::Zero(1));
+  Diagram alone(mesh, constant_points(1, 0), constant_values(1, 0));
   CHECK(alone.num_fragments() == mesh.triangles.rows());
   CHECK(broken_law(mesh, alone) == "");
   CHECK(alone.dual_triangles().rows() == 0);
   // Sites far outside of what it was made for.
   for (const Vec3& x : {Vec3(1e5, 0, 0), Vec3(-1e3, 1e3, 0), Vec3(0, 0.1, 0)}) alone.insert(x, 0);
   alone.insert(Vec3(50, 0, 0), 2500);  // its ball touches the middle of the sphere
-  const Sites all{alone.num_sites() == 5 ? Points(5, 3) : Points(0, 3), (Eigen::VectorXd(5) << 0, 0, 0, 0, 2500).finished()};
-  REQUIRE(all.size() == 5);
-  Sites same = all;
-  same.positions << 0, 0, 0, 1e5, 0, 0, -1e3, 1e3, 0, 0, 0.1, 0, 50, 0, 0;
+  REQUIRE(alone.num_sites() == 5);
+  const Sites all = sites_of(WeightedPoints{{0, 0, 0, 0}, {1e5, 0, 0, 0}, {-1e3, 1e3, 0, 0}, {0, 0.1, 0, 0}, {50, 0, 0, 2500}});
   CHECK(broken_law(mesh, alone) == "");
-  CHECK(worst_area_error(mesh, same, alone) <= 1e-11);
+  CHECK(worst_area_error(mesh, all, alone) <= 1e-11);
   CHECK(alone.cell_areas()[4] > 1);
 }
 
 TEST_CASE("power_diagram: errors say what is wrong, and an insertion that fails changes nothing") {
   const Mesh mesh = amps::make_sphere(80);
   const Sites sites = random_sites(mesh, 20, 0, 151);
-  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
-  const auto make = [](const Mesh& m, const Points& p, const Eigen::VectorXd& w) { return Diagram(m, p, w); };
-  CHECK(error_of([&] { make(mesh, Points(0, 3), Eigen::VectorXd(0)); }) == ErrorCode::kInvalidArgument);
-  CHECK(error_of([&] { make(mesh, sites.positions, sites.weights.head(19)); }) == ErrorCode::kInvalidArgument);
-  for (const double bad : {nan, inf, -inf}) {
+  const auto make = [](const Mesh& m, const Points& p, const Values& w) { return Diagram(m, p, w); };
+  CHECK(error_of([&] { make(mesh, no_points(), values_of({})); }) == ErrorCode::kInvalidArgument);
+  CHECK(error_of([&] { make(mesh, sites.positions, head(sites.weights, 19)); }) == ErrorCode::kInvalidArgument);
+  for (const double bad : {kNaN, kInfinity, -kInfinity}) {
     Points positions = sites.positions;
     positions(7, 1) = bad;
     CHECK(error_of([&] { make(mesh, positions, sites.weights); }) == ErrorCode::kInvalidArgument);
-    Eigen::VectorXd weights = sites.weights;
+    Values weights = sites.weights;
     weights[7] = bad;
     CHECK(error_of([&] { make(mesh, sites.positions, weights); }) == ErrorCode::kInvalidArgument);
     Mesh broken = mesh;
@@ -530,14 +483,12 @@ TEST_CASE("power_diagram: errors say what is wrong, and an insertion that fails 
   out_of_range.triangles(5, 1) = static_cast<Index>(mesh.vertices.rows());
   CHECK(error_of([&] { make(out_of_range, sites.positions, sites.weights); }) == ErrorCode::kInvalidMesh);
   CHECK(error_of([&] { make(Mesh{}, sites.positions, sites.weights); }) == ErrorCode::kInvalidMesh);
-  Mesh flat = mesh;
-  flat.vertices.rightCols(2).setZero();
-  CHECK(error_of([&] { make(flat, sites.positions, sites.weights); }) == ErrorCode::kInvalidMesh);
+  CHECK(error_of([&] { make(squashed(mesh), sites.positions, sites.weights); }) == ErrorCode::kInvalidMesh);
 
   Diagram diagram(mesh, sites.positions, sites.weights);
   const CanonicalDiagram before = canonical(diagram);
-  CHECK(error_of([&] { diagram.insert({nan, 0, 0}, 0); }) == ErrorCode::kInvalidArgument);
-  CHECK(error_of([&] { diagram.insert({0, 0, 0}, inf); }) == ErrorCode::kInvalidArgument);
+  CHECK(error_of([&] { diagram.insert({kNaN, 0, 0}, 0); }) == ErrorCode::kInvalidArgument);
+  CHECK(error_of([&] { diagram.insert({0, 0, 0}, kInfinity); }) == ErrorCode::kInvalidArgument);
   CHECK(diagram.num_sites() == 20);
   CHECK(canonical(diagram) == before);
   CHECK(broken_law(mesh, diagram) == "");
@@ -599,3 +550,5 @@ TEST_SUITE("slow") {
     }
   }
 }
+
+}  // namespace amps_test

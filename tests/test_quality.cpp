@@ -1,5 +1,7 @@
 #include "amps/quality.h"
 
+#include "kit/meshes.h"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -9,43 +11,28 @@
 #include <map>
 #include <set>
 #include <sstream>
-#include <string>
 #include <utility>
 #include <vector>
 
-using amps::Index;
-using amps::Mesh;
+namespace amps_test {
+
 using amps::quality;
 using amps::QualityReport;
-using amps::Rng;
 using doctest::Approx;
 
 namespace {
 
-Mesh quality_mesh(const std::vector<std::array<double, 3>>& vertices, const std::vector<std::array<Index, 3>>& triangles) {
-  Mesh mesh;
-  mesh.vertices.resize(static_cast<Index>(vertices.size()), 3);
-  mesh.triangles.resize(static_cast<Index>(triangles.size()), 3);
-  for (std::size_t i = 0; i < vertices.size(); ++i) {
-    for (int k = 0; k < 3; ++k) mesh.vertices(static_cast<Index>(i), k) = vertices[i][static_cast<std::size_t>(k)];
-  }
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    for (int k = 0; k < 3; ++k) mesh.triangles(static_cast<Index>(i), k) = triangles[i][static_cast<std::size_t>(k)];
-  }
-  return mesh;
-}
-
 Mesh octahedron() {
-  return quality_mesh({{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
-                      {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}});
+  return mesh_of({{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
+                 {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}});
 }
 
 /// n × n vertices on the unit square, each cell cut in two along the same diagonal.
 Mesh right_triangle_grid(Index n) {
-  std::vector<std::array<double, 3>> vertices;
-  std::vector<std::array<Index, 3>> triangles;
+  std::vector<Vec3> vertices;
+  std::vector<Corners> triangles;
   for (Index j = 0; j < n; ++j) {
-    for (Index i = 0; i < n; ++i) vertices.push_back({double(i), double(j), 0});
+    for (Index i = 0; i < n; ++i) vertices.emplace_back(i, j, 0);
   }
   for (Index j = 0; j + 1 < n; ++j) {
     for (Index i = 0; i + 1 < n; ++i) {
@@ -54,7 +41,7 @@ Mesh right_triangle_grid(Index n) {
       triangles.push_back({v, v + n + 1, v + n});
     }
   }
-  return quality_mesh(vertices, triangles);
+  return mesh_of(vertices, triangles);
 }
 
 }  // namespace
@@ -97,14 +84,14 @@ TEST_CASE("quality: a grid of right triangles has no obtuse one, valence 6 insid
 
 TEST_CASE("quality: slivers have the angles of their limit, to full relative precision") {
   for (const double h : {1e-3, 1e-8, 1e-12, 1e-100}) {
-    const QualityReport needle = quality(quality_mesh({{0, 0, 0}, {1, 0, 0}, {0, h, 0}}, {{0, 1, 2}}));
+    const QualityReport needle = quality(mesh_of({{0, 0, 0}, {1, 0, 0}, {0, h, 0}}, {{0, 1, 2}}));
     const double radians = std::atan(h);
-    CHECK(needle.min_angle == Approx(radians * 180 / std::acos(-1)).epsilon(1e-12));
+    CHECK(needle.min_angle == Approx(radians * 180 / kPi).epsilon(1e-12));
     CHECK(needle.max_angle == Approx(90));
     CHECK(needle.below_30 == 100);
-    const QualityReport cap = quality(quality_mesh({{0, 0, 0}, {2, 0, 0}, {1, h, 0}}, {{0, 1, 2}}));
-    CHECK(cap.min_angle == Approx(radians * 180 / std::acos(-1)).epsilon(1e-12));
-    CHECK(cap.max_angle == Approx(180 - 2 * radians * 180 / std::acos(-1)).epsilon(1e-14));
+    const QualityReport cap = quality(mesh_of({{0, 0, 0}, {2, 0, 0}, {1, h, 0}}, {{0, 1, 2}}));
+    CHECK(cap.min_angle == Approx(radians * 180 / kPi).epsilon(1e-12));
+    CHECK(cap.max_angle == Approx(180 - 2 * radians * 180 / kPi).epsilon(1e-14));
     CHECK(cap.above_90 == 100);
   }
 }
@@ -113,38 +100,38 @@ TEST_CASE("quality: slivers in general position agree with extended precision") 
   Rng rng(2);
   for (int trial = 0; trial < 200; ++trial) {
     const double width = std::pow(10.0, -1 - 7 * rng.uniform());
-    std::vector<std::array<double, 3>> p(3);
-    for (std::size_t k = 0; k < 3; ++k) {
+    std::array<Vec3, 3> p;
+    for (int k = 0; k < 3; ++k) {
       p[0][k] = rng.uniform();
       p[1][k] = p[0][k] + rng.uniform() - 0.5;
       p[2][k] = p[0][k] + width * (rng.uniform() - 0.5);
     }
-    std::vector<long double> angles;
+    std::vector<Real> angles;
     for (std::size_t i = 0; i < 3; ++i) {
-      long double u[3], v[3], dot = 0, cross = 0;
-      for (std::size_t k = 0; k < 3; ++k) {
-        u[k] = static_cast<long double>(p[(i + 1) % 3][k]) - p[i][k];
-        v[k] = static_cast<long double>(p[(i + 2) % 3][k]) - p[i][k];
+      Real u[3], v[3], dot = 0, cross = 0;
+      for (int k = 0; k < 3; ++k) {
+        u[k] = static_cast<Real>(p[(i + 1) % 3][k]) - p[i][k];
+        v[k] = static_cast<Real>(p[(i + 2) % 3][k]) - p[i][k];
         dot += u[k] * v[k];
       }
-      for (std::size_t k = 0; k < 3; ++k) {
-        const long double c = u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3];
+      for (int k = 0; k < 3; ++k) {
+        const Real c = u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3];
         cross += c * c;
       }
       angles.push_back(std::atan2(std::sqrt(cross), dot) * 180 / std::acos(-1.0L));
     }
     std::sort(angles.begin(), angles.end());
     if (angles[1] < 5) continue;  // nearly collinear corners: their differences alone lose more than this test allows
-    const QualityReport q = quality(quality_mesh(p, {{0, 1, 2}}));
+    const QualityReport q = quality(one_triangle(p[0], p[1], p[2]));
     CHECK(q.min_angle == Approx(static_cast<double>(angles[0])).epsilon(1e-13));
     CHECK(q.max_angle == Approx(static_cast<double>(angles[2])).epsilon(1e-13));
   }
 }
 
 TEST_CASE("quality: zero-area facets count with 0, 180 and Q 0; repeated indices are skipped") {
-  const std::vector<std::array<double, 3>> points = {{0, 0, 0}, {1, 0, 0}, {0.5, 1, 0}, {0.5, 0, 0}, {0, 0, 0}, {0, 0, 0}};
-  for (const std::array<Index, 3>& flat : {std::array<Index, 3>{0, 1, 3}, {0, 4, 1}, {0, 4, 5}}) {
-    const QualityReport q = quality(quality_mesh(points, {{0, 1, 2}, flat, {1, 1, 2}, {0, 0, 0}}));
+  const std::vector<Vec3> points = {{0, 0, 0}, {1, 0, 0}, {0.5, 1, 0}, {0.5, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+  for (const Corners& flat : {Corners{0, 1, 3}, {0, 4, 1}, {0, 4, 5}}) {
+    const QualityReport q = quality(mesh_of(points, {{0, 1, 2}, flat, {1, 1, 2}, {0, 0, 0}}));
     CHECK(q.triangles == 2);
     CHECK(q.min_angle == 0);
     CHECK(q.max_angle == 180);
@@ -156,29 +143,29 @@ TEST_CASE("quality: zero-area facets count with 0, 180 and Q 0; repeated indices
 }
 
 TEST_CASE("quality: a mesh without triangles gives zeros") {
-  const QualityReport q = quality(quality_mesh({{0, 0, 0}}, {{0, 0, 0}}));
+  const QualityReport q = quality(mesh_of({{0, 0, 0}}, {{0, 0, 0}}));
   CHECK(q.triangles == 0);
   CHECK(q.min_angle == 0);
   CHECK(q.min_q == 0);
   CHECK(q.mean_edge == 0);
   CHECK(q.interior_vertices == 0);
-  CHECK(quality(Mesh{amps::Points(0, 3), amps::Triangles(0, 3)}).triangles == 0);
+  CHECK(quality(Mesh{no_points(), no_triangles()}).triangles == 0);
 }
 
 TEST_CASE("quality: valences above 14 go together; edges of three facets are interior") {
-  std::vector<std::array<double, 3>> points = {{0, 0, 1}, {0, 0, -1}};
-  std::vector<std::array<Index, 3>> triangles;
+  std::vector<Vec3> points = {{0, 0, 1}, {0, 0, -1}};
+  std::vector<Corners> triangles;
   const Index n = 40;
   for (Index i = 0; i < n; ++i) {  // a bipyramid
-    points.push_back({std::cos(2 * std::acos(-1) * i / n), std::sin(2 * std::acos(-1) * i / n), 0});
+    points.emplace_back(std::cos(2 * kPi * i / n), std::sin(2 * kPi * i / n), 0);
     triangles.push_back({2 + i, 2 + (i + 1) % n, 0});
     triangles.push_back({2 + (i + 1) % n, 2 + i, 1});
   }
-  QualityReport q = quality(quality_mesh(points, triangles));
+  QualityReport q = quality(mesh_of(points, triangles));
   CHECK(q.valence[15] == 2);
   CHECK(q.valence[4] == n);
   triangles.push_back({2, 3, 0});  // twice the same facet: no new edge, and no boundary
-  q = quality(quality_mesh(points, triangles));
+  q = quality(mesh_of(points, triangles));
   CHECK(q.interior_vertices == n + 2);
   CHECK(q.valence[4] == n);
 }
@@ -187,15 +174,14 @@ TEST_CASE("quality: agrees with a direct evaluation on random soups") {
   Rng rng(1);
   for (int trial = 0; trial < 30; ++trial) {
     const Index n = 20;
-    std::vector<std::array<double, 3>> points;
-    for (Index i = 0; i < n; ++i) points.push_back({rng.uniform(), rng.uniform(), rng.uniform()});
-    std::vector<std::array<Index, 3>> triangles;
+    std::vector<Vec3> points;
+    for (Index i = 0; i < n; ++i) points.push_back(random_point(rng));
+    std::vector<Corners> triangles;
     for (int f = 0; f < 60; ++f) {
-      triangles.push_back(
-          {static_cast<Index>(rng.below(n)), static_cast<Index>(rng.below(n)), static_cast<Index>(rng.below(n))});
+      triangles.push_back({below(rng, n), below(rng, n), below(rng, n)});
     }
     const auto length = [&](Index a, Index b) {
-      const auto &p = points[static_cast<std::size_t>(a)], &q = points[static_cast<std::size_t>(b)];
+      const auto &p = points[at(a)], &q = points[at(b)];
       return std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]);
     };
     std::map<std::pair<Index, Index>, int> edges;
@@ -211,7 +197,7 @@ TEST_CASE("quality: agrees with a direct evaluation on random soups") {
       }
       for (int k = 0; k < 3; ++k) {  // law of cosines
         const double a = l[k], b = l[(k + 1) % 3], c = l[(k + 2) % 3];
-        const double angle = std::acos((b * b + c * c - a * a) / (2 * b * c)) * 180 / std::acos(-1);
+        const double angle = std::acos((b * b + c * c - a * a) / (2 * b * c)) * 180 / kPi;
         low = std::min(low, angle);
         high = std::max(high, angle);
       }
@@ -228,16 +214,16 @@ TEST_CASE("quality: agrees with a direct evaluation on random soups") {
     double sum_length = 0;
     for (const auto& [e, uses] : edges) {
       sum_length += length(e.first, e.second);
-      ++degree[static_cast<std::size_t>(e.first)];
-      ++degree[static_cast<std::size_t>(e.second)];
+      ++degree[at(e.first)];
+      ++degree[at(e.second)];
       if (uses == 1) boundary.insert({e.first, e.second});
     }
     std::array<Index, 16> valence{};
     for (Index v = 0; v < n; ++v) {
-      const int d = degree[static_cast<std::size_t>(v)];
+      const int d = degree[at(v)];
       if (d > 0 && boundary.count(v) == 0) ++valence[static_cast<std::size_t>(std::min(d, 15))];
     }
-    const QualityReport q = quality(quality_mesh(points, triangles));
+    const QualityReport q = quality(mesh_of(points, triangles));
     CHECK(q.triangles == count);
     CHECK(q.min_angle == Approx(smallest).epsilon(1e-9));
     CHECK(q.max_angle == Approx(largest).epsilon(1e-9));
@@ -260,3 +246,5 @@ TEST_CASE("quality: printing tells the numbers and leaves the stream's format al
   out << 255 << " " << 1.23456;
   CHECK(out.str() == "ff 1.23");
 }
+
+}  // namespace amps_test

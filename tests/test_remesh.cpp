@@ -1,8 +1,10 @@
 #include "amps/remesh.h"
 
-#include "amps/shapes.h"
-#include "hash_bits.h"
-#include "test_models.h"
+#include "kit/bits.h"
+#include "kit/errors.h"
+#include "kit/execution.h"
+#include "kit/models.h"
+#include "kit/samples.h"
 
 #include <doctest/doctest.h>
 
@@ -10,51 +12,16 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
-#include <functional>
-#include <limits>
-#include <map>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
-using amps::Error;
-using amps::ErrorCode;
-using amps::Index;
-using amps::Mesh;
-using amps::MeshView;
-using amps::Points;
-using amps::Progress;
+namespace amps_test {
+
 using amps::RemeshOptions;
 using amps::RemeshResult;
-using amps::Rng;
-using amps::SampleSet;
-using amps::Status;
-using amps::Vec3;
 
 namespace {
-
-// Without optimisation: what holds of every maximal set is tested on plain ones.
-
-RemeshOptions with_radius(double radius, std::uint64_t seed = 1) {
-  RemeshOptions options;
-  options.optimize = false;
-  options.sampling.radius = radius;
-  options.sampling.seed = seed;
-  return options;
-}
-
-RemeshOptions with_count(Index count) {
-  RemeshOptions options;
-  options.optimize = false;
-  options.sampling.target_count = count;
-  return options;
-}
-
-bool same_bits(const Points& a, const Points& b) {
-  return a.rows() == b.rows() && std::memcmp(a.data(), b.data(), static_cast<std::size_t>(a.size()) * sizeof(double)) == 0;
-}
 
 /// Extremes over a mesh, measured here in long double: angles in degrees, absolute edge lengths.
 struct Extremes {
@@ -62,11 +29,11 @@ struct Extremes {
 };
 
 Extremes extremes_of(const Mesh& mesh) {
-  using V = Eigen::Matrix<long double, 3, 1>;
+  using V = Eigen::Matrix<Real, 3, 1>;
   Extremes e;
-  for (Index t = 0; t < mesh.triangles.rows(); ++t) {
+  for (Index t = 0; t < rows(mesh.triangles); ++t) {
     for (int k = 0; k < 3; ++k) {
-      const auto corner = [&](int c) -> V { return MeshView(mesh).corner(t, (k + c) % 3).cast<long double>(); };
+      const auto corner = [&](int c) -> V { return MeshView(mesh).corner(t, (k + c) % 3).cast<Real>(); };
       const V u = corner(1) - corner(0), v = corner(2) - corner(0);
       const auto angle = static_cast<double>(std::atan2(u.cross(v).norm(), u.dot(v)) * 57.29577951308232087680L);
       const auto edge = static_cast<double>(u.norm());
@@ -79,18 +46,11 @@ Extremes extremes_of(const Mesh& mesh) {
   return e;
 }
 
-double signed_volume(const Mesh& mesh) {
-  double sum = 0;
-  const MeshView view(mesh);
-  for (Index t = 0; t < mesh.triangles.rows(); ++t) sum += view.corner(t, 0).dot(view.corner(t, 1).cross(view.corner(t, 2)));
-  return sum / 6;
-}
-
-using Triple = std::array<Index, 3>;
+using Triple = Corners;
 
 std::set<Triple> triples_of(const Mesh& mesh) {
   std::set<Triple> result;
-  for (Index t = 0; t < mesh.triangles.rows(); ++t) {
+  for (Index t = 0; t < rows(mesh.triangles); ++t) {
     Triple triple = {mesh.triangles(t, 0), mesh.triangles(t, 1), mesh.triangles(t, 2)};
     std::sort(triple.begin(), triple.end());
     CHECK(result.insert(triple).second);  // each once
@@ -101,8 +61,8 @@ std::set<Triple> triples_of(const Mesh& mesh) {
 /// The theorem of a uniform maximal set, and everything a result says about itself.
 void check_remeshed(const Mesh& input, const RemeshResult& result, double radius) {
   constexpr double kTolerance = 1e-9;
-  REQUIRE(result.status == Status::kDone);
-  REQUIRE(result.mesh.triangles.rows() > 0);
+  REQUIRE(result.status == Outcome::kDone);
+  REQUIRE(rows(result.mesh.triangles) > 0);
   const Extremes e = extremes_of(result.mesh);
   CHECK(e.min_angle >= 30 * (1 - kTolerance));
   CHECK(e.max_angle <= 120 * (1 + kTolerance));
@@ -113,17 +73,17 @@ void check_remeshed(const Mesh& input, const RemeshResult& result, double radius
   CHECK(report.quality.max_angle == doctest::Approx(e.max_angle).epsilon(1e-9));
   CHECK(report.quality.min_edge == doctest::Approx(e.min_edge).epsilon(1e-12));
   CHECK(report.quality.max_edge == doctest::Approx(e.max_edge).epsilon(1e-12));
-  CHECK(report.quality.triangles == result.mesh.triangles.rows());
+  CHECK(report.quality.triangles == rows(result.mesh.triangles));
   CHECK(report.sampling.radius == radius);
   CHECK(report.maximality.maximal());
   CHECK(report.maximality.poisson_disk());
   // Vertices are the samples, in order.
   CHECK(same_bits(result.mesh.vertices, result.samples.positions));
   CHECK(result.samples.facets.size() == static_cast<std::size_t>(result.samples.size()));
-  CHECK(result.samples.barycentrics.rows() == result.samples.size());
-  CHECK(result.mesh.triangles.minCoeff() >= 0);
-  CHECK(result.mesh.triangles.maxCoeff() < result.samples.size());
-  CHECK(triples_of(result.mesh).size() == static_cast<std::size_t>(result.mesh.triangles.rows()));
+  CHECK(rows(result.samples.barycentrics) == result.samples.size());
+  CHECK(least_index(result.mesh.triangles) >= 0);
+  CHECK(greatest_index(result.mesh.triangles) < result.samples.size());
+  CHECK(triples_of(result.mesh).size() == static_cast<std::size_t>(rows(result.mesh.triangles)));
   // Report and certificate are those of a fresh look.
   const amps::TopologyReport output = amps::topology(result.mesh);
   CHECK(report.output.euler_characteristic == output.euler_characteristic);
@@ -139,9 +99,8 @@ void check_remeshed(const Mesh& input, const RemeshResult& result, double radius
 /// The oracle: the triangles of sites whose equidistant line meets the surface in a point with no other site nearer. All
 /// triples within `reach` of each other against all facets.
 std::set<Triple> brute_force_triples(const Mesh& mesh, const SampleSet& set, double reach) {
-  using Real = long double;
   using V = Eigen::Matrix<Real, 3, 1>;
-  const auto site = [&](Index s) -> V { return set.positions.row(s).transpose().cast<Real>(); };
+  const auto site = [&](Index s) -> V { return sample_at(set, s).cast<Real>(); };
   const Index n = set.size();
   std::set<Triple> result;
   const auto near = [&](Index s, Index t) { return (site(s) - site(t)).norm() <= static_cast<Real>(reach); };
@@ -153,7 +112,7 @@ std::set<Triple> brute_force_triples(const Mesh& mesh, const SampleSet& set, dou
         // Two planes: x·u = a, x·v = b.
         const V p = site(i), u = site(j) - p, v = site(k) - p;
         const Real a = u.dot(site(j) + p) / 2, b = v.dot(site(k) + p) / 2;
-        for (Index f = 0; f < mesh.triangles.rows(); ++f) {
+        for (Index f = 0; f < rows(mesh.triangles); ++f) {
           const auto corner = [&](int c) -> V { return MeshView(mesh).corner(f, c).cast<Real>(); };
           // With the third, λ_0 + λ_1 + λ_2 = 1, three equations for the barycentric coordinates.
           Eigen::Matrix<Real, 3, 3> m;
@@ -175,32 +134,14 @@ std::set<Triple> brute_force_triples(const Mesh& mesh, const SampleSet& set, dou
   return result;
 }
 
-Mesh with_random_flips(Mesh mesh, double share, std::uint64_t seed) {
-  Rng rng(seed);
-  for (Index f = 0; f < mesh.triangles.rows(); ++f) {
-    if (rng.uniform() < share) std::swap(mesh.triangles(f, 1), mesh.triangles(f, 2));
-  }
-  return mesh;
-}
-
-ErrorCode error_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.code();
-  }
-  FAIL("no error was thrown");
-  return ErrorCode::kInternal;
-}
-
 }  // namespace
 
 TEST_CASE("remesh: all angles lie in [30°, 120°] and all edges in [r, 2r]") {
-  for (const auto& model : amps_test::procedural_models()) {
+  for (const auto& model : procedural_models()) {
     CAPTURE(model.name);
     const auto& [name, mesh, radius] = model;
     for (const std::uint64_t seed : {1u, 2u}) {
-      const RemeshResult result = amps::remesh(mesh, with_radius(radius, seed));
+      const RemeshResult result = amps::remesh(mesh, plain(with_radius(radius, seed)));
       check_remeshed(mesh, result, radius);
       CHECK(result.samples.size() > 2500);
       CHECK(result.report.output.non_manifold_edges == 0);
@@ -209,12 +150,12 @@ TEST_CASE("remesh: all angles lie in [30°, 120°] and all edges in [r, 2r]") {
 }
 
 TEST_CASE("remesh: the bounds hold for a handful of samples, whatever the topology makes of them") {
-  for (const auto& model : amps_test::procedural_models()) {
+  for (const auto& model : procedural_models()) {
     CAPTURE(model.name);
     const auto& [name, mesh, unused] = model;
     for (const Index count : {20, 60, 200}) {
-      const double radius = amps_test::radius_for(mesh, count);
-      const RemeshResult result = amps::remesh(mesh, with_radius(radius));
+      const double radius = radius_for(mesh, count);
+      const RemeshResult result = amps::remesh(mesh, plain(with_radius(radius)));
       check_remeshed(mesh, result, radius);
     }
   }
@@ -222,24 +163,24 @@ TEST_CASE("remesh: the bounds hold for a handful of samples, whatever the topolo
 
 TEST_CASE("remesh: triangles are those with a point of the surface nearest to their corners") {
   Rng rng(3);
-  const std::vector<std::pair<std::string, Mesh>> meshes = {{"square", amps::make_square(2)},
-                                                            {"sphere", amps::make_sphere(180)},
-                                                            {"torus", amps::make_torus(1.0, 0.4, 16, 8)},
-                                                            {"cube", amps::make_cube(1)}};
+  const std::vector<NamedMesh> meshes = {{"square", amps::make_square(2)},
+                                         {"sphere", amps::make_sphere(180)},
+                                         {"torus", amps::make_torus(1.0, 0.4, 16, 8)},
+                                         {"cube", amps::make_cube(1)}};
   for (const auto& model : meshes) {
-    CAPTURE(model.first);
+    CAPTURE(model.name);
     const auto& [name, mesh] = model;
-    const double radius = amps_test::radius_for(mesh, 70);
-    const SampleSet set = amps::sample(mesh, with_radius(radius, 5).sampling).samples;
+    const double radius = radius_for(mesh, 70);
+    const SampleSet set = amps::sample(mesh, with_radius(radius, 5)).samples;
     CHECK(triples_of(amps::restricted_triangulation(mesh, set)) == brute_force_triples(mesh, set, 2.01 * radius));
     // Of any other set too: random points, far from maximal, some of them off the surface.
-    SampleSet random;
-    random.positions.resize(25, 3);
-    random.radii = Eigen::VectorXd::Constant(25, 0.1);
     const amps::Box box = amps::bounding_box(mesh);
-    for (Index s = 0; s < 25; ++s) {
-      for (int c = 0; c < 3; ++c) random.positions(s, c) = box.min[c] + (box.max[c] - box.min[c] + 0.1) * rng.uniform();
-    }
+    const Points anywhere = made_points(25, [&](Index) {
+      Vec3 x;
+      for (int c = 0; c < 3; ++c) x[c] = box.min[c] + (box.max[c] - box.min[c] + 0.1) * rng.uniform();
+      return x;
+    });
+    const SampleSet random = bare_set(anywhere, constant_values(25, 0.1));
     const std::set<Triple> expected = brute_force_triples(mesh, random, INFINITY);
     CHECK(expected.size() > 8);
     CHECK(triples_of(amps::restricted_triangulation(mesh, random)) == expected);
@@ -249,7 +190,7 @@ TEST_CASE("remesh: triangles are those with a point of the surface nearest to th
 TEST_CASE("remesh: on the square the triangles are the Delaunay triangles with their circumcentre in it") {
   const Mesh mesh = amps::make_square(1);
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
-    const RemeshResult result = amps::remesh(mesh, with_radius(0.11, seed));
+    const RemeshResult result = amps::remesh(mesh, plain(with_radius(0.11, seed)));
     const Index n = result.samples.size();
     REQUIRE(n > 40);
     const auto at = [&](Index s) { return Eigen::Vector2d(result.samples.positions(s, 0), result.samples.positions(s, 1)); };
@@ -272,7 +213,7 @@ TEST_CASE("remesh: on the square the triangles are the Delaunay triangles with t
       }
     }
     CHECK(triples_of(result.mesh) == expected);
-    for (Index t = 0; t < result.mesh.triangles.rows(); ++t) {  // upwards, as the square
+    for (Index t = 0; t < rows(result.mesh.triangles); ++t) {  // upwards, as the square
       const Eigen::Vector2d a = at(result.mesh.triangles(t, 0)), b = at(result.mesh.triangles(t, 1)),
                             c = at(result.mesh.triangles(t, 2));
       CHECK((b - a).x() * (c - a).y() - (b - a).y() * (c - a).x() > 0);
@@ -281,12 +222,12 @@ TEST_CASE("remesh: on the square the triangles are the Delaunay triangles with t
 }
 
 TEST_CASE("remesh: with a small radius the output has the topology of the input") {
-  const std::vector<std::pair<std::string, Mesh>> closed = {
+  const std::vector<NamedMesh> closed = {
       {"sphere", amps::make_sphere(1280)}, {"torus", amps::make_torus()}, {"knot", amps::make_knot()}};
   for (const auto& model : closed) {
-    CAPTURE(model.first);
+    CAPTURE(model.name);
     const auto& [name, mesh] = model;
-    const RemeshResult result = amps::remesh(mesh, with_radius(amps_test::radius_for(mesh, 4000)));
+    const RemeshResult result = amps::remesh(mesh, plain(with_radius(radius_for(mesh, 4000))));
     const amps::TopologyReport &in = result.report.input, &out = result.report.output;
     CHECK(out.closed());
     CHECK(out.manifold());
@@ -302,57 +243,52 @@ TEST_CASE("remesh: with a small radius the output has the topology of the input"
 }
 
 TEST_CASE("remesh: facets of the input that are turned over do not show in the output") {
+  const auto flipped = [](const Mesh& mesh, double share, std::uint64_t seed) {
+    Rng rng(seed);
+    return flipped_where(mesh, [&](Index) { return rng.uniform() < share; });
+  };
   for (const double share : {0.1, 0.3, 0.5}) {
     CAPTURE(share);
     for (const Mesh& mesh : {amps::make_sphere(1280), amps::make_torus(), amps::make_cube(4)}) {
-      const double radius = amps_test::radius_for(mesh, 2000);
-      const RemeshResult turned = amps::remesh(with_random_flips(mesh, share, 7), with_radius(radius));
+      const double radius = radius_for(mesh, 2000);
+      const RemeshResult turned = amps::remesh(flipped(mesh, share, 7), plain(with_radius(radius)));
       check_remeshed(mesh, turned, radius);
       CHECK(turned.report.output.inconsistent_edges == 0);
       // Half of them leave no majority to go by.
       if (share < 0.5) CHECK(signed_volume(turned.mesh) == doctest::Approx(signed_volume(mesh)).epsilon(0.1));
     }
   }
-  Mesh inside_out = with_random_flips(amps::make_sphere(1280), 1, 0);
-  CHECK(signed_volume(amps::remesh(inside_out, with_radius(0.1)).mesh) < -4);
+  CHECK(signed_volume(amps::remesh(inside_out(amps::make_sphere(1280)), plain(with_radius(0.1))).mesh) < -4);
 }
 
 TEST_CASE("remesh: each component is turned by itself") {
   const Mesh one = amps::make_sphere(320);
-  Mesh mesh{Points(2 * one.vertices.rows(), 3), amps::Triangles(2 * one.triangles.rows(), 3)};
-  mesh.vertices << one.vertices, (one.vertices.rowwise() + Eigen::RowVector3d(5, 0, 0));
-  const Mesh inside_out = with_random_flips(one, 1, 0);
-  mesh.triangles << one.triangles, (inside_out.triangles.array() + static_cast<Index>(one.vertices.rows())).matrix();
-  const RemeshResult result = amps::remesh(mesh, with_radius(0.1));
+  const Mesh mesh = joined(one, moved(inside_out(one), {5, 0, 0}));
+  const RemeshResult result = amps::remesh(mesh, plain(with_radius(0.1)));
   CHECK(result.report.output.components == 2);
   CHECK(result.report.output.inconsistent_edges == 0);
-  Mesh halves[2] = {result.mesh, result.mesh};
-  for (int side = 0; side < 2; ++side) {
-    Index kept = 0;
-    for (Index t = 0; t < result.mesh.triangles.rows(); ++t) {
-      if ((MeshView(result.mesh).corner(t, 0).x() > 2.5) == (side == 1))
-        halves[side].triangles.row(kept++) = result.mesh.triangles.row(t);
-    }
-    halves[side].triangles.conservativeResize(kept, 3);
+  std::vector<Index> facets[2];
+  for (Index t = 0; t < rows(result.mesh.triangles); ++t) {
+    facets[MeshView(result.mesh).corner(t, 0).x() > 2.5 ? 1 : 0].push_back(t);
   }
-  CHECK(signed_volume(halves[0]) > 3);
-  CHECK(signed_volume(halves[1]) < -3);
+  CHECK(signed_volume(chosen_facets(result.mesh, facets[0])) > 3);
+  CHECK(signed_volume(chosen_facets(result.mesh, facets[1])) < -3);
 }
 
 TEST_CASE("remesh: a given set has the same triangles, for any number of threads") {
-  for (const auto& model : amps_test::procedural_models()) {
+  for (const auto& model : procedural_models()) {
     CAPTURE(model.name);
     const auto& [name, mesh, radius] = model;
-    RemeshOptions options = with_radius(1.5 * radius, 9);
+    RemeshOptions options = plain(with_radius(1.5 * radius, 9));
     const RemeshResult result = amps::remesh(mesh, options);
     for (const unsigned threads : {1u, 2u, 0u}) {
-      const Mesh again = amps::restricted_triangulation(mesh, result.samples, threads);
+      const Mesh again = amps::restricted_triangulation(mesh, result.samples, on_threads(threads));
       CHECK(same_bits(again.vertices, result.mesh.vertices));
-      CHECK(again.triangles == result.mesh.triangles);
-      options.sampling.threads = threads;
+      CHECK(same_values(again.triangles, result.mesh.triangles));
+      run_on(options.sampling, threads);
       const RemeshResult repeated = amps::remesh(mesh, options);
       CHECK(same_bits(repeated.mesh.vertices, result.mesh.vertices));
-      CHECK(repeated.mesh.triangles == result.mesh.triangles);
+      CHECK(same_values(repeated.mesh.triangles, result.mesh.triangles));
     }
   }
 }
@@ -361,15 +297,15 @@ TEST_CASE("remesh: a wanted number of vertices is met within 1 %") {
   for (const Index count : {300, 3000}) {
     CAPTURE(count);
     const Mesh mesh = amps::make_torus();
-    const RemeshResult result = amps::remesh(mesh, with_count(count));
-    CHECK(std::fabs(result.mesh.vertices.rows() - count) <= 0.01 * count);
+    const RemeshResult result = amps::remesh(mesh, plain(with_count(count)));
+    CHECK(std::fabs(rows(result.mesh.vertices) - count) <= 0.01 * count);
     check_remeshed(mesh, result, result.report.sampling.radius);
   }
 }
 
 TEST_CASE("remesh: the report says where the time went and what was there") {
   const Mesh mesh = amps::make_torus();
-  const RemeshResult result = amps::remesh(mesh, with_radius(0.05));
+  const RemeshResult result = amps::remesh(mesh, plain(with_radius(0.05)));
   const amps::RemeshReport& report = result.report;
   CHECK(report.sampling.darts > 0);
   CHECK(report.sampling.dart_samples > 0);
@@ -387,32 +323,24 @@ TEST_CASE("remesh: the report says where the time went and what was there") {
 
 TEST_CASE("remesh: a soup is reported as what it is after merging") {
   const Mesh sphere = amps::make_sphere(320);
-  Mesh soup{Points(3 * sphere.triangles.rows(), 3), amps::Triangles(sphere.triangles.rows(), 3)};
-  for (Index f = 0; f < sphere.triangles.rows(); ++f) {
-    for (int k = 0; k < 3; ++k) {
-      soup.vertices.row(3 * f + k) = MeshView(sphere).corner(f, k).transpose();
-      soup.triangles(f, k) = 3 * f + k;
-    }
-  }
-  const RemeshResult result = amps::remesh(soup, with_radius(0.1)), whole = amps::remesh(sphere, with_radius(0.1));
+  const Mesh soup = soup_of(sphere);
+  const RemeshResult result = amps::remesh(soup, plain(with_radius(0.1))),
+                     whole = amps::remesh(sphere, plain(with_radius(0.1)));
   CHECK(result.report.input.components == 1);
   CHECK(result.report.input.closed());
   // Facets need no adjacency: the same samples, the same triangles.
   CHECK(same_bits(result.mesh.vertices, whole.mesh.vertices));
-  CHECK(result.mesh.triangles == whole.mesh.triangles);
+  CHECK(same_values(result.mesh.triangles, whole.mesh.triangles));
 }
 
 TEST_CASE("remesh: one sample, or two, have no triangle") {
-  const RemeshResult one = amps::remesh(amps::make_sphere(320), with_radius(10));
-  CHECK(one.status == Status::kDone);
-  CHECK(one.mesh.vertices.rows() == 1);
-  CHECK(one.mesh.triangles.rows() == 0);
+  const RemeshResult one = amps::remesh(amps::make_sphere(320), plain(with_radius(10)));
+  CHECK(one.status == Outcome::kDone);
+  CHECK(rows(one.mesh.vertices) == 1);
+  CHECK(rows(one.mesh.triangles) == 0);
   CHECK(one.report.quality.triangles == 0);
-  SampleSet two;
-  two.positions.resize(2, 3);
-  two.positions << 0, 0, 1, 0, 0, -1;
-  two.radii = Eigen::VectorXd::Constant(2, 1.0);
-  CHECK(amps::restricted_triangulation(amps::make_sphere(320), two).triangles.rows() == 0);
+  const SampleSet two = bare_set(points_of({{0, 0, 1}, {0, 0, -1}}), constant_values(2, 1));
+  CHECK(rows(amps::restricted_triangulation(amps::make_sphere(320), two).triangles) == 0);
 }
 
 TEST_CASE("remesh: optimised unless told otherwise") {
@@ -422,33 +350,33 @@ TEST_CASE("remesh: optimised unless told otherwise") {
   options.sampling.seed = 3;
   const RemeshResult result = amps::remesh(mesh, options);
   const amps::RemeshReport& report = result.report;
-  CHECK(result.status == Status::kDone);
-  CHECK(report.optimization.status == amps::OptimizeStatus::kDone);
+  CHECK(result.status == Outcome::kDone);
+  CHECK(report.optimization.status == amps::Outcome::kDone);
   CHECK(std::fabs(result.samples.size() - 3000) <= 0.025 * 3000);
   CHECK(report.quality.min_angle >= 35);
   CHECK(report.quality.max_angle <= 105);
   CHECK(report.quality.valence_5_6_7 == 100);
   check_remeshed(mesh, result, report.sampling.radius);
-  CHECK(amps::restricted_triangulation(mesh, result.samples).triangles == result.mesh.triangles);
+  CHECK(same_values(amps::restricted_triangulation(mesh, result.samples).triangles, result.mesh.triangles));
 }
 
 TEST_CASE("remesh: cancelled, it returns what there is") {
   const Mesh mesh = amps::make_torus();
   for (const std::string wanted : {"dart throwing", "restricted power diagram", "gap filling", "optimizing"}) {
     CAPTURE(wanted);
-    RemeshOptions options = with_radius(0.04);
+    RemeshOptions options = plain(with_radius(0.04));
     options.optimize = true;
     bool seen = false;
-    options.sampling.progress = Progress([&](const char* stage, double) {
+    watch(options.sampling, [&](const char* stage, double) {
       seen = seen || stage == wanted;
       return stage != wanted;
     });
     const RemeshResult result = amps::remesh(mesh, options);
     CHECK(seen);
-    CHECK(result.status == Status::kCancelled);
+    CHECK(result.status == Outcome::kCancelled);
     CHECK(result.samples.size() > 0);
     CHECK(same_bits(result.mesh.vertices, result.samples.positions));
-    CHECK((result.mesh.triangles.rows() > 0) == (wanted == "gap filling" || wanted == "optimizing"));
+    CHECK((rows(result.mesh.triangles) > 0) == (wanted == "gap filling" || wanted == "optimizing"));
     CHECK((wanted != "optimizing" || result.report.maximality.maximal()));
   }
 }
@@ -456,11 +384,10 @@ TEST_CASE("remesh: cancelled, it returns what there is") {
 TEST_CASE("remesh: errors are those of sampling") {
   const Mesh mesh = amps::make_sphere(320);
   CHECK(error_of([&] { amps::remesh(mesh, {}); }) == ErrorCode::kInvalidArgument);
-  CHECK(error_of([&] { amps::remesh(mesh, with_radius(-1)); }) == ErrorCode::kInvalidArgument);
-  CHECK(error_of([&] { amps::remesh(mesh, with_radius(std::numeric_limits<double>::quiet_NaN())); }) ==
-        ErrorCode::kInvalidArgument);
-  CHECK(error_of([&] { amps::remesh(mesh, with_radius(1e-7)); }) == ErrorCode::kTooLarge);
-  CHECK(error_of([&] { amps::remesh(Mesh{}, with_radius(1)); }) == ErrorCode::kInvalidMesh);
+  CHECK(error_of([&] { amps::remesh(mesh, plain(with_radius(-1))); }) == ErrorCode::kInvalidArgument);
+  CHECK(error_of([&] { amps::remesh(mesh, plain(with_radius(kNaN))); }) == ErrorCode::kInvalidArgument);
+  CHECK(error_of([&] { amps::remesh(mesh, plain(with_radius(1e-7))); }) == ErrorCode::kTooLarge);
+  CHECK(error_of([&] { amps::remesh(Mesh{}, plain(with_radius(1))); }) == ErrorCode::kInvalidMesh);
   CHECK(error_of([&] { amps::restricted_triangulation(mesh, {}); }) == ErrorCode::kInvalidArgument);
 }
 
@@ -468,26 +395,26 @@ TEST_CASE("remesh: the same seed gives the same bits with every compiler and bui
   // Recorded once; the input has no coordinate from libm. A change of the algorithm may change these numbers, a compiler may
   // not.
   const auto hash = [](const RemeshResult& result) {
-    return amps_test::hash_bits(result.samples.positions, result.samples.barycentrics, result.mesh.triangles);
+    return hash_bits(result.samples.positions, result.samples.barycentrics, result.mesh.triangles);
   };
-  CHECK(hash(amps::remesh(amps::make_square(3), with_radius(0.02))) == 3489861631424202782u);
-  CHECK(hash(amps::remesh(amps::make_cube(7), with_radius(0.05))) == 560583636541334091u);
-  RemeshOptions optimized = with_radius(0.02);
+  CHECK(hash(amps::remesh(amps::make_square(3), plain(with_radius(0.02)))) == 3489861631424202782u);
+  CHECK(hash(amps::remesh(amps::make_cube(7), plain(with_radius(0.05)))) == 560583636541334091u);
+  RemeshOptions optimized = plain(with_radius(0.02));
   optimized.optimize = true;
   optimized.optimization.min_angle = 38;
   optimized.optimization.max_angle = 100;
-  CHECK(hash(amps::remesh(amps::make_square(3), optimized)) == 13997129804409492695u);
+  CHECK(hash(amps::remesh(amps::make_square(3), optimized)) == 3453456246685459430u);
 }
 
 TEST_SUITE("slow") {
   TEST_CASE("remesh: all angles lie in [30°, 120°] and all edges in [r, 2r] on real models") {
-    for (const auto& model : amps_test::real_models()) {
+    for (const auto& model : real_models()) {
       CAPTURE(model.name);
       const auto& [name, mesh, radius] = model;
       // At a coarse radius a model loses thin parts and handles, never the bounds.
       for (const double factor : {1.0, 3.0, 10.0}) {
         CAPTURE(factor);
-        const RemeshResult result = amps::remesh(mesh, with_radius(factor * radius));
+        const RemeshResult result = amps::remesh(mesh, plain(with_radius(factor * radius)));
         check_remeshed(mesh, result, factor * radius);
         const Extremes e = extremes_of(result.mesh);
         MESSAGE(name << ": " << result.samples.size() << " vertices, angles " << e.min_angle << " to " << e.max_angle
@@ -496,11 +423,44 @@ TEST_SUITE("slow") {
     }
   }
 
-  TEST_CASE("remesh: all angles lie in [30°, 120°] and all edges in [r, 2r] for large sets") {
-    for (const auto& model : amps_test::procedural_models()) {
+  TEST_CASE("remesh: its status is that of the part that went worst") {
+  const Mesh sphere = amps::make_sphere(320);
+  RemeshOptions options = with_radius(0.5);
+  options.optimize = true;
+  CHECK(amps::remesh(sphere, options).status == Outcome::kDone);
+  options.optimization.min_angle = 59;
+  options.optimization.max_angle = 61;
+  const RemeshResult stalled = amps::remesh(sphere, options);
+  CHECK(stalled.status == Outcome::kStalled);
+  CHECK(stalled.report.optimization.status == Outcome::kStalled);
+  CHECK(stalled.report.maximality.maximal());
+  CHECK(stalled.mesh.triangles.rows() > 0);
+  options.optimization.max_iterations = 1;
+  CHECK(amps::remesh(sphere, options).status == Outcome::kIterationLimit);
+  options.sampling.progress.cancel();
+  CHECK(amps::remesh(sphere, options).status == Outcome::kCancelled);
+  options.sampling.progress = {};
+  options.optimize = false;
+  CHECK(amps::remesh(sphere, options).status == Outcome::kDone);
+}
+
+TEST_CASE("remesh: outcomes have names, from best to worst") {
+  CHECK(amps::name_of(Outcome::kDone) == std::string("done"));
+  CHECK(amps::name_of(Outcome::kIterationLimit) == std::string("iteration limit"));
+  CHECK(amps::name_of(Outcome::kStalled) == std::string("stalled"));
+  CHECK(amps::name_of(Outcome::kCancelled) == std::string("cancelled"));
+  CHECK(Outcome::kDone < Outcome::kIterationLimit);
+  CHECK(Outcome::kIterationLimit < Outcome::kStalled);
+  CHECK(Outcome::kStalled < Outcome::kCancelled);
+}
+
+TEST_CASE("remesh: all angles lie in [30°, 120°] and all edges in [r, 2r] for large sets") {
+    for (const auto& model : procedural_models()) {
       CAPTURE(model.name);
       const auto& [name, mesh, radius] = model;
-      check_remeshed(mesh, amps::remesh(mesh, with_radius(radius / 4)), radius / 4);
+      check_remeshed(mesh, amps::remesh(mesh, plain(with_radius(radius / 4))), radius / 4);
     }
   }
 }
+
+}  // namespace amps_test

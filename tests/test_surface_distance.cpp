@@ -1,34 +1,30 @@
 // Distances between surfaces, against closed forms, and against plain geometry in long double at many points
-// (brute_distance.h).
+// (kit/distance.h).
 #include "amps/surface_distance.h"
 
-#include "amps/shapes.h"
-#include "brute_distance.h"
-#include "test_data.h"
+#include "kit/data.h"
+#include "kit/distance.h"
+#include "kit/errors.h"
+#include "kit/execution.h"
+#include "kit/meshes.h"
 
 #include <doctest/doctest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
-#include <optional>
 #include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
+namespace amps_test {
+
 using amps::DistanceOptions;
 using amps::DistanceReport;
-using amps::ErrorCode;
-using amps::Index;
-using amps::Mesh;
 using amps::one_sided_distance;
 using amps::OneSidedDistance;
-using amps::Rng;
 using amps::surface_distance;
-using amps::Vec3;
-using amps_test::brute_distance;
 using doctest::Approx;
 
 namespace {
@@ -43,30 +39,6 @@ bool same(const DistanceReport& a, const DistanceReport& b) {
   return same(a.forward, b.forward) && same(a.backward, b.backward) && a.diagonal == b.diagonal;
 }
 
-Mesh moved(Mesh mesh, const Vec3& by) {
-  mesh.vertices.rowwise() += by.transpose();
-  return mesh;
-}
-
-/// Each vertex moved by at most `amount` in every coordinate.
-Mesh shaken(Mesh mesh, double amount, Rng& rng) {
-  for (Index v = 0; v < mesh.vertices.rows(); ++v) {
-    for (int k = 0; k < 3; ++k) mesh.vertices(v, k) += amount * (2 * rng.uniform() - 1);
-  }
-  return mesh;
-}
-
-/// A mesh with one more facet.
-Mesh with_facet(const Mesh& mesh, const Vec3& a, const Vec3& b, const Vec3& c) {
-  const Index n = static_cast<Index>(mesh.vertices.rows()), m = static_cast<Index>(mesh.triangles.rows());
-  Mesh more = mesh;
-  more.vertices.conservativeResize(n + 3, 3);
-  more.triangles.conservativeResize(m + 1, 3);
-  more.vertices.bottomRows(3) << a.transpose(), b.transpose(), c.transpose();
-  more.triangles.row(m) << n, n + 1, n + 2;
-  return more;
-}
-
 /// One direction is what it says: the bounds are no farther apart than `gap`, the lower one is the distance of a point of
 /// `from`, and none of many points of `from`, spread and at random, is beyond the upper one. Mean and rms, if taken at enough
 /// points for an estimate of their error, are those of the random points, within five standard errors and the error told.
@@ -74,7 +46,7 @@ void check_direction(const Mesh& from, const Mesh& to, const OneSidedDistance& d
   constexpr double kRounding = 1e-10;  // slivers, see SurfaceTree
   CHECK(d.hausdorff_lower <= d.hausdorff);
   CHECK(d.hausdorff - d.hausdorff_lower <= gap);
-  const amps::MeshView mesh(from);
+  const MeshView mesh(from);
   REQUIRE(d.farthest.facet >= 0);
   REQUIRE(d.farthest.facet < mesh.num_facets());
   CHECK(d.farthest.barycentric.minCoeff() >= -1e-15);
@@ -91,7 +63,7 @@ void check_direction(const Mesh& from, const Mesh& to, const OneSidedDistance& d
   constexpr double kPoints = 4000;
   double beyond = 0, mean = 0, square = 0, fourth = 0;
   for (Index f = 0; f < mesh.num_facets(); ++f) {
-    const double share = areas[static_cast<std::size_t>(f)] / area;
+    const double share = areas[at(f)] / area;
     const int n = static_cast<int>(kPoints * share) + 3;  // by area, and some of each
     for (int i = 0; i < n; ++i) {
       const Vec3 b = amps::uniform_barycentric(rng);
@@ -117,21 +89,11 @@ void check_both(const Mesh& a, const Mesh& b, const DistanceOptions& options, Rn
   check_direction(b, a, d.backward, gap, rng);
 }
 
-template <class Call>
-std::optional<ErrorCode> code_of(const Call& call) {
-  try {
-    call();
-  } catch (const amps::Error& error) {
-    return error.code();
-  }
-  return std::nullopt;
-}
-
 }  // namespace
 
 TEST_CASE("surface_distance: of a surface to itself it is 0") {
-  for (const Mesh& mesh : {amps::make_square(), amps::make_sphere(), amps::make_knot(),
-                           amps_test::data_mesh_or("bunny_3k_closed.off", amps::make_torus())}) {
+  for (const Mesh& mesh :
+       {amps::make_square(), amps::make_sphere(), amps::make_knot(), data_mesh_or("bunny_3k_closed.off", amps::make_torus())}) {
     const DistanceReport d = surface_distance(mesh, mesh);
     CHECK(d.hausdorff() <= DistanceOptions().tolerance * d.diagonal);
     CHECK(d.hausdorff_lower() <= 1e-15 * d.diagonal);  // points inside facets are rounded
@@ -143,8 +105,12 @@ TEST_CASE("surface_distance: facets cut otherwise, flipped or reordered change n
   DistanceOptions fine;
   fine.tolerance = 1e-9;
   const Mesh cube = amps::make_cube(3);
-  Mesh flipped = amps::make_cube(5);
-  flipped.triangles = flipped.triangles.rowwise().reverse().colwise().reverse().eval();
+  const Mesh other = amps::make_cube(5);
+  const Index last = rows(other.triangles) - 1;
+  const Mesh flipped{other.vertices, made_triangles(last + 1, [&](Index f) {
+                       const Corners c = corners_of(other.triangles, last - f);
+                       return Corners{c[2], c[1], c[0]};
+                     })};
   const DistanceReport d = surface_distance(cube, flipped, fine);
   CHECK(d.hausdorff_lower() <= 1e-15);
   CHECK(d.hausdorff() <= 1e-9 * d.diagonal);
@@ -185,12 +151,9 @@ TEST_CASE("surface_distance: a square shifted in its plane; quadrature converges
 }
 
 TEST_CASE("surface_distance: of a slope over a plane, where distance is linear, all measures are exact") {
-  Mesh slope = amps::make_square(3);
   const double k = 0.25;
-  slope.vertices.col(2) = k * slope.vertices.col(0);
-  Mesh plane = amps::make_square(2);
-  plane.vertices = 5 * plane.vertices;
-  plane.vertices.leftCols(2).array() -= 2;
+  const Mesh slope = transformed(amps::make_square(3), [k](const Vec3& x) -> Vec3 { return {x.x(), x.y(), k * x.x()}; });
+  const Mesh plane = scaled(amps::make_square(2), 5, {-2, -2, 0});
   const OneSidedDistance d = one_sided_distance(slope, plane);
   CHECK(d.hausdorff == Approx(k).epsilon(1e-14));
   CHECK(d.hausdorff_lower == Approx(k).epsilon(1e-14));
@@ -203,8 +166,8 @@ TEST_CASE("surface_distance: concentric spheres, within what their facets cut of
   const double radius = 1.3;
   const auto sagitta = [](const Mesh& sphere, double r) {  // facets of a sphere are nearest to its centre within their inside
     double nearest = r;
-    for (Index f = 0; f < sphere.triangles.rows(); ++f) {
-      nearest = std::min(nearest, static_cast<double>(amps_test::facet_distance(sphere, f, Vec3::Zero())));
+    for (Index f = 0; f < rows(sphere.triangles); ++f) {
+      nearest = std::min(nearest, static_cast<double>(facet_distance(sphere, f, Vec3::Zero())));
     }
     return r - nearest;
   };
@@ -237,7 +200,7 @@ TEST_CASE("surface_distance: bounds, means and the farthest point, against plain
   }
   options.tolerance = 1e-3;
   for (int trial = 0; trial < 6; ++trial) {
-    check_both(amps_test::hard_soup(20, rng), amps_test::hard_soup(30, rng), options, rng);
+    check_both(hard_soup(20, rng), hard_soup(30, rng), options, rng);
   }
   // Two sheets that meet: points between are far from both, and no vertex is.
   Mesh two = amps::make_square();
@@ -258,9 +221,7 @@ TEST_CASE("surface_distance: the same from few points to begin with, where the c
   DistanceOptions options;
   options.spacing = 1;
   for (int trial = 0; trial < 10; ++trial) {
-    Mesh rough = shaken(amps::make_square(3), 0.15, rng);
-    rough.vertices = 1.4 * rough.vertices;
-    rough.vertices.leftCols(2).array() -= 0.2;
+    const Mesh rough = scaled(shaken(amps::make_square(3), 0.15, rng), 1.4, {-0.2, -0.2, 0});
     const OneSidedDistance d = one_sided_distance(amps::make_square(), rough, options);
     check_direction(amps::make_square(), rough, d, 1e-6 * std::sqrt(2) * (1 + 1e-9), rng, false);
   }
@@ -273,13 +234,13 @@ TEST_CASE("surface_distance: bounds hold without any cut, on triangles of all sh
   options.spacing = 1;
   options.max_cuts = 0;
   for (int trial = 0; trial < 100; ++trial) {
-    const Vec3 a = amps_test::random_point(rng), b = amps_test::random_point(rng);
-    const Vec3 c = trial % 3 == 0 ? Vec3((a + b) / 2 + 0.1 * amps_test::random_point(rng)) : amps_test::random_point(rng);
-    const Mesh triangle = amps_test::soup_mesh({{a, b, c}});
+    const Vec3 a = random_point(rng), b = random_point(rng);
+    const Vec3 c = trial % 3 == 0 ? Vec3((a + b) / 2 + 0.1 * random_point(rng)) : random_point(rng);
+    const Mesh triangle = soup_mesh({{a, b, c}});
     std::vector<std::array<Vec3, 3>> dots;
     for (const Vec3& x : {a, b, c, Vec3((a + b + c) / 3)})
       dots.push_back({x, x + 1e-9 * Vec3::UnitX(), x + 1e-9 * Vec3::UnitY()});
-    const Mesh points = amps_test::soup_mesh(dots);
+    const Mesh points = soup_mesh(dots);
     const OneSidedDistance d = one_sided_distance(triangle, points, options);
     double farthest = 0;
     constexpr int kSteps = 60;
@@ -295,7 +256,7 @@ TEST_CASE("surface_distance: bounds hold without any cut, on triangles of all sh
 }
 
 TEST_CASE("surface_distance: the quadrature is far better than the error it tells, where distance is smooth") {
-  const Mesh point = amps_test::soup_mesh({{Vec3(0, 0, 1), Vec3(1e-12, 0, 1), Vec3(0, 1e-12, 1)}});
+  const Mesh point = soup_mesh({{Vec3(0, 0, 1), Vec3(1e-12, 0, 1), Vec3(0, 1e-12, 1)}});
   DistanceOptions options;
   options.spacing = 0.1;
   const OneSidedDistance d = one_sided_distance(amps::make_square(3), point, options);
@@ -316,8 +277,7 @@ TEST_CASE("surface_distance: the quadrature is far better than the error it tell
 
 TEST_CASE("surface_distance: part of a surface is on it, not the other way round") {
   const Mesh whole = amps::make_square(4);
-  Mesh half = whole;
-  half.triangles = whole.triangles.topRows(whole.triangles.rows() / 2).eval();  // y < ½
+  const Mesh half = first_facets(whole, rows(whole.triangles) / 2);  // y < ½
   const DistanceReport d = surface_distance(half, whole);
   CHECK(d.forward.hausdorff <= DistanceOptions().tolerance * d.diagonal);
   CHECK(d.forward.rms <= 1e-15);
@@ -338,9 +298,7 @@ TEST_CASE("surface_distance: facets without area count in the Hausdorff distance
   CHECK(one_sided_distance(square, spike).hausdorff <= 2e-6);
   const Mesh sphere = amps::make_sphere(80);
   for (const double far : {1e10, 1e300}) {
-    Mesh more = sphere;
-    more.vertices.conservativeResize(sphere.vertices.rows() + 1, 3);
-    more.vertices.bottomRows(1).setConstant(far);
+    const Mesh more = with_vertices(sphere, {Vec3::Constant(far)});
     CHECK(same(surface_distance(more, square), surface_distance(sphere, square)));
     CHECK(same(surface_distance(square, more), surface_distance(square, sphere)));
   }
@@ -349,11 +307,10 @@ TEST_CASE("surface_distance: facets without area count in the Hausdorff distance
 TEST_CASE("surface_distance: the second mesh first, both directions change places") {
   Rng rng(3);
   const Mesh a = amps::make_cube(2);
-  Mesh b = amps::make_cube(5);  // the same box, so that tolerance and spacing are the same
-  for (Index v = 0; v < b.vertices.rows(); ++v) {
-    const Vec3 x = b.vertices.row(v);
-    if (((x.array() > 0) && (x.array() < 1)).count() == 2) b.vertices.row(v) = (0.9 * x + 0.05 * Vec3::Ones()).transpose();
-  }
+  // The same box, so that tolerance and spacing are the same.
+  const Mesh b = transformed(amps::make_cube(5), [](const Vec3& x) -> Vec3 {
+    return ((x.array() > 0) && (x.array() < 1)).count() == 2 ? Vec3(0.9 * x + 0.05 * Vec3::Ones()) : x;
+  });
   const DistanceReport ab = surface_distance(a, b), ba = surface_distance(b, a);
   CHECK(same(ab.forward, ba.backward));
   CHECK(same(ab.backward, ba.forward));
@@ -371,7 +328,7 @@ TEST_CASE("surface_distance: the same bits for any number of threads") {
   options.tolerance = 1e-6;
   const DistanceReport one = surface_distance(a, b, options);
   for (const unsigned threads : {0u, 2u, 5u}) {
-    options.threads = threads;
+    run_on(options, threads);
     CHECK(same(one, surface_distance(a, b, options)));
   }
 }
@@ -380,42 +337,36 @@ TEST_CASE("surface_distance: any scale; powers of two change no bit") {
   const Mesh a = amps::make_sphere(320), b = amps::make_cube(3);
   const DistanceReport d = surface_distance(a, b);
   for (const double scale : {std::ldexp(1.0, 12), std::ldexp(1.0, -300), 1e-140, 1e140}) {
-    Mesh c = a, e = b;
-    c.vertices *= scale;
-    e.vertices *= scale;
-    const DistanceReport scaled = surface_distance(c, e);
+    const DistanceReport other = surface_distance(scaled(a, scale), scaled(b, scale));
     int exponent = 0;
     const bool exact = std::frexp(scale, &exponent) == 0.5;
     const double epsilon = exact ? 0 : 1e-12;  // another scale, another rounding of the vertices
-    for (const auto& [x, y] : {std::pair(&d.forward, &scaled.forward), {&d.backward, &scaled.backward}}) {
+    for (const auto& [x, y] : {std::pair(&d.forward, &other.forward), {&d.backward, &other.backward}}) {
       CHECK(std::abs(x->hausdorff - y->hausdorff / scale) <= (exact ? 0 : 1e-6 * d.diagonal));
       CHECK(std::abs(x->hausdorff_lower - y->hausdorff_lower / scale) <= (exact ? 0 : 1e-6 * d.diagonal));
       CHECK(std::abs(x->rms - y->rms / scale) <= epsilon);
       CHECK(std::abs(x->mean - y->mean / scale) <= epsilon);
       CHECK(std::abs(x->rms_error - y->rms_error / scale) <= epsilon);
     }
-    CHECK(d.percent(d.rms()) == Approx(scaled.percent(scaled.rms())).epsilon(1e-12));
+    CHECK(d.percent(d.rms()) == Approx(other.percent(other.rms())).epsilon(1e-12));
   }
 }
 
 TEST_CASE("surface_distance: slivers much longer than wide") {
   // 60 strips of 1 by 1/60, halved at their longest sides.
-  const Mesh strips = [] {
-    Mesh mesh = amps::make_square(1);
-    mesh.vertices.resize(122, 3);
-    mesh.triangles.resize(120, 3);
-    for (Index i = 0; i <= 60; ++i) {
-      mesh.vertices.row(2 * i) << 0, i / 60.0, 0;
-      mesh.vertices.row(2 * i + 1) << 1, i / 60.0, 0;
-    }
-    for (Index i = 0; i < 60; ++i) {
-      mesh.triangles.row(2 * i) << 2 * i, 2 * i + 1, 2 * i + 3;
-      mesh.triangles.row(2 * i + 1) << 2 * i, 2 * i + 3, 2 * i + 2;
-    }
-    return mesh;
-  }();
-  Mesh roof = amps::make_square(2);  // |z| is ½ − |x − ½|
-  for (Index v = 0; v < roof.vertices.rows(); ++v) roof.vertices(v, 2) = 0.5 - std::abs(roof.vertices(v, 0) - 0.5);
+  std::vector<Vec3> ends;
+  std::vector<Corners> halves;
+  for (Index i = 0; i <= 60; ++i) {
+    ends.insert(ends.end(), {Vec3(0, i / 60.0, 0), Vec3(1, i / 60.0, 0)});
+  }
+  for (Index i = 0; i < 60; ++i) {
+    halves.push_back({2 * i, 2 * i + 1, 2 * i + 3});
+    halves.push_back({2 * i, 2 * i + 3, 2 * i + 2});
+  }
+  const Mesh strips = mesh_of(ends, halves);
+  const Mesh roof = transformed(amps::make_square(2), [](const Vec3& x) -> Vec3 {  // |z| is ½ − |x − ½|
+    return {x.x(), x.y(), 0.5 - std::abs(x.x() - 0.5)};
+  });
   const OneSidedDistance d = one_sided_distance(strips, roof);
   CHECK(d.hausdorff_lower == Approx(std::sqrt(0.125)));  // from the middle, a slope of 45°
   CHECK(d.hausdorff == Approx(std::sqrt(0.125)).epsilon(1e-3));
@@ -424,21 +375,20 @@ TEST_CASE("surface_distance: slivers much longer than wide") {
 
 TEST_CASE("surface_distance: bad meshes and options are refused") {
   const Mesh good = amps::make_square();
-  Mesh flat = good;
-  flat.vertices.col(1).setZero();
+  const Mesh flat = transformed(good, [](const Vec3& x) -> Vec3 { return {x.x(), 0, x.z()}; });
   Mesh nan = good;
   nan.vertices(2, 1) = std::nan("");
   Mesh range = good;
   range.triangles(0, 0) = 4;
-  for (const Mesh& bad : {flat, nan, range, Mesh{good.vertices, amps::Triangles(0, 3)}}) {
-    CHECK(code_of([&] { surface_distance(good, bad); }) == ErrorCode::kInvalidMesh);
-    CHECK(code_of([&] { surface_distance(bad, good); }) == ErrorCode::kInvalidMesh);
-    CHECK(code_of([&] { one_sided_distance(bad, good); }) == ErrorCode::kInvalidMesh);
+  for (const Mesh& bad : {flat, nan, range, without_facets(good)}) {
+    CHECK(error_of([&] { surface_distance(good, bad); }) == ErrorCode::kInvalidMesh);
+    CHECK(error_of([&] { surface_distance(bad, good); }) == ErrorCode::kInvalidMesh);
+    CHECK(error_of([&] { one_sided_distance(bad, good); }) == ErrorCode::kInvalidMesh);
   }
   const auto refused = [&](double DistanceOptions::*field, double value) {
     DistanceOptions options;
     options.*field = value;
-    return code_of([&] { surface_distance(good, good, options); }) == ErrorCode::kInvalidArgument;
+    return error_of([&] { surface_distance(good, good, options); }) == ErrorCode::kInvalidArgument;
   };
   for (const double x : {0.0, -1.0, 1e-13, 1.5, std::nan("")}) {
     CHECK(refused(&DistanceOptions::tolerance, x));
@@ -446,7 +396,7 @@ TEST_CASE("surface_distance: bad meshes and options are refused") {
   }
   DistanceOptions negative;
   negative.max_cuts = -1;
-  CHECK(code_of([&] { surface_distance(good, good, negative); }) == ErrorCode::kInvalidArgument);
+  CHECK(error_of([&] { surface_distance(good, good, negative); }) == ErrorCode::kInvalidArgument);
 }
 
 TEST_CASE("surface_distance: the report in words, whatever the stream's format") {
@@ -457,3 +407,5 @@ TEST_CASE("surface_distance: the report in words, whatever the stream's format")
   CHECK(out.str().find("RMS       0.5 (35.3553 % of the diagonal)") != std::string::npos);
   CHECK(out.str().find("Hausdorff 0.5") == 0);
 }
+
+}  // namespace amps_test

@@ -1,41 +1,28 @@
-// The nearest point of a surface, against plain geometry in long double over all facets (brute_distance.h); and, bit for bit,
+// The nearest point of a surface, against plain geometry in long double over all facets (kit/distance.h); and, bit for bit,
 // against a loop over the facets with the tree's own arithmetic.
 #include "amps/surface_tree.h"
 
-#include "amps/shapes.h"
-#include "brute_distance.h"
-#include "test_data.h"
+#include "kit/data.h"
+#include "kit/distance.h"
+#include "kit/errors.h"
+#include "kit/execution.h"
+#include "kit/meshes.h"
 
 #include <doctest/doctest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <limits>
-#include <optional>
-#include <string>
 #include <utility>
 #include <vector>
 
-using amps::ErrorCode;
-using amps::Index;
-using amps::kNone;
-using amps::Mesh;
-using amps::MeshView;
-using amps::Rng;
+namespace amps_test {
+
 using amps::SurfaceHit;
 using amps::SurfaceTree;
-using amps::Vec3;
-using amps_test::brute_distance;
-using amps_test::facet_distance;
-using amps_test::hard_soup;
-using amps_test::random_point;
-using amps_test::soup_mesh;
 
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 bool same(const SurfaceHit& a, const SurfaceHit& b) {
   return a.distance == b.distance && a.point.facet == b.point.facet && a.point.barycentric == b.point.barycentric &&
@@ -57,7 +44,7 @@ Index lowest_nearest(const SurfaceTree& tree, const Vec3& x, double distance) {
 
 /// A query of some kind: near the mesh, far away, at a vertex, in a facet, in the middle of an edge.
 Vec3 some_query(const MeshView& mesh, Rng& rng) {
-  const auto f = static_cast<Index>(rng.below(static_cast<std::uint64_t>(mesh.num_facets())));
+  const auto f = below(rng, mesh.num_facets());
   const int k = static_cast<int>(rng.below(3));
   switch (rng.below(6)) {
     case 0:
@@ -89,23 +76,13 @@ void check_hit(const MeshView& mesh, const Vec3& x, const SurfaceHit& hit, doubl
   CHECK(std::abs(static_cast<double>(brute_distance(mesh, x) - hit.distance)) <= tolerance);
 }
 
-std::optional<ErrorCode> code_of(const Mesh& mesh) {
-  try {
-    const SurfaceTree tree(mesh);
-  } catch (const amps::Error& error) {
-    return error.code();
-  }
-  return std::nullopt;
-}
-
 template <class Query>
 bool refuses(const Query& query) {
-  try {
-    query();
-  } catch (const amps::Error& error) {
-    return error.code() == ErrorCode::kInvalidArgument;
-  }
-  return false;
+  return error_of(query) == ErrorCode::kInvalidArgument;
+}
+
+ErrorCode error_of_tree(const Mesh& mesh) {
+  return error_of([&mesh] { const SurfaceTree tree(mesh); });
 }
 
 }  // namespace
@@ -131,7 +108,7 @@ TEST_CASE("surface_tree: each facet's nearest point, slivers down to a width of 
   Rng rng(2);
   const Mesh mesh = hard_soup(2000, rng);
   const SurfaceTree tree(mesh);
-  for (Index f = 0; f < mesh.triangles.rows(); ++f) {
+  for (Index f = 0; f < rows(mesh.triangles); ++f) {
     for (int q = 0; q < 4; ++q) {
       const Vec3 x = 3 * random_point(rng) - Vec3::Ones();
       const SurfaceHit hit = tree.nearest_on_facet(x, f);
@@ -145,11 +122,9 @@ TEST_CASE("surface_tree: bit for bit the answer of a loop over all facets, whate
   Rng rng(3);
   std::vector<Mesh> meshes{hard_soup(300, rng), amps::make_sphere(320), amps::make_square(8), amps::make_cube(4)};
   // Everything three times: only the first copies may be found.
-  Mesh thrice = amps::make_cube(2);
-  const Index single = static_cast<Index>(thrice.triangles.rows());
-  amps::Triangles copies(3 * single, 3);
-  copies << thrice.triangles, thrice.triangles, thrice.triangles;
-  thrice.triangles = copies;
+  const Mesh once = amps::make_cube(2);
+  const Index single = rows(once.triangles);
+  const Mesh thrice{once.vertices, joined(joined(once.triangles, once.triangles), once.triangles)};
   meshes.push_back(thrice);
   for (std::size_t m = 0; m < meshes.size(); ++m) {
     const Mesh& mesh = meshes[m];
@@ -160,7 +135,7 @@ TEST_CASE("surface_tree: bit for bit the answer of a loop over all facets, whate
       const SurfaceHit hit = tree.nearest(x);
       REQUIRE(found_by_loop(tree, x, hit));
       if (m >= 2 && q % 3 == 0) REQUIRE(hit.point.facet == lowest_nearest(tree, x, hit.distance));
-      const auto hint = static_cast<Index>(rng.below(static_cast<std::uint64_t>(tree.num_facets())));
+      const auto hint = below(rng, tree.num_facets());
       CHECK(same(hit, tree.nearest(x, hint)));
       CHECK(same(hit, tree.nearest(x, kNone)));
       CHECK(same(hit, tree.nearest(x, tree.num_facets())));  // out of range: none
@@ -171,7 +146,7 @@ TEST_CASE("surface_tree: bit for bit the answer of a loop over all facets, whate
 }
 
 TEST_CASE("surface_tree: a vertex is at distance 0 of the surface, exactly") {
-  const Mesh mesh = amps_test::data_mesh_or("bunny_36k_holes.obj", amps::make_knot());
+  const Mesh mesh = data_mesh_or("bunny_36k_holes.obj", amps::make_knot());
   const Mesh used = amps::remove_isolated_vertices(mesh);
   const SurfaceTree tree(used);
   const std::vector<SurfaceHit> hits = tree.nearest_all(used.vertices);
@@ -207,9 +182,7 @@ TEST_CASE("surface_tree: scaling by powers of two changes no bit; any scale and 
   const SurfaceTree tree(mesh);
   for (const int exponent : {-900, -300, -1, 40, 300, 1000}) {
     const double scale = std::ldexp(1.0, exponent);
-    Mesh scaled = mesh;
-    scaled.vertices *= scale;
-    const SurfaceTree other(scaled);
+    const SurfaceTree other(scaled(mesh, scale));
     for (int q = 0; q < 100; ++q) {
       const Vec3 x = 3 * random_point(rng) - Vec3::Ones();
       const SurfaceHit a = tree.nearest(x), b = other.nearest(scale * x);
@@ -219,12 +192,11 @@ TEST_CASE("surface_tree: scaling by powers of two changes no bit; any scale and 
     }
   }
   for (const double offset : {1e3, -1e8, 1e15}) {  // the vertices are rounded by the move, then nothing is
-    Mesh moved = mesh;
-    moved.vertices.array() += offset;
-    const SurfaceTree other(moved);
+    const Mesh shifted = moved(mesh, Vec3::Constant(offset));
+    const SurfaceTree other(shifted);
     for (int q = 0; q < 100; ++q) {
       const Vec3 x = 3 * random_point(rng) - Vec3::Ones() + Vec3::Constant(offset);
-      CHECK(std::abs(static_cast<double>(brute_distance(moved, x) - other.nearest(x).distance)) <= 2e-14);
+      CHECK(std::abs(static_cast<double>(brute_distance(shifted, x) - other.nearest(x).distance)) <= 2e-14);
     }
   }
   const double large = std::numeric_limits<double>::max();
@@ -271,25 +243,24 @@ TEST_CASE("surface_tree: many queries, by any number of threads, are as one by o
   Rng rng(6);
   const Mesh mesh = amps::make_torus();
   const SurfaceTree tree(mesh);
-  amps::Points queries(5000, 3);
-  for (Index i = 0; i < queries.rows(); ++i) queries.row(i) = (2.8 * random_point(rng) - 1.4 * Vec3::Ones()).transpose();
+  const Points queries = made_points(5000, [&rng](Index) -> Vec3 { return 2.8 * random_point(rng) - 1.4 * Vec3::Ones(); });
   const std::vector<SurfaceHit> one = tree.nearest_all(queries);
   REQUIRE(one.size() == 5000);
   for (const unsigned threads : {0u, 2u, 5u}) {
-    const std::vector<SurfaceHit> many = tree.nearest_all(queries, threads);
+    const std::vector<SurfaceHit> many = tree.nearest_all(queries, on_threads(threads));
     REQUIRE(many.size() == one.size());
     for (std::size_t i = 0; i < one.size(); ++i) REQUIRE(same(one[i], many[i]));
   }
   for (std::size_t i = 0; i < one.size(); ++i) {
-    REQUIRE(same(one[i], tree.nearest(queries.row(static_cast<Index>(i)).transpose())));
+    REQUIRE(same(one[i], tree.nearest(point_at(queries, static_cast<Index>(i)))));
   }
-  CHECK(tree.nearest_all(amps::Points(0, 3)).empty());
+  CHECK(tree.nearest_all(no_points()).empty());
 }
 
 TEST_CASE("surface_tree: owns what it needs and can be moved") {
   Mesh mesh = amps::make_cube();
   SurfaceTree first(mesh);
-  mesh.vertices.setConstant(7);
+  mesh.vertices = constant_points(rows(mesh.vertices), 7);
   SurfaceTree second = std::move(first);
   CHECK(second.nearest(Vec3(0.5, 0.5, 2)).distance == 1);
   second = SurfaceTree(amps::make_square());
@@ -298,21 +269,20 @@ TEST_CASE("surface_tree: owns what it needs and can be moved") {
 
 TEST_CASE("surface_tree: errors say what is wrong with the mesh; what no facet uses does not matter") {
   const Mesh good = amps::make_square();
-  CHECK(!code_of(good));
-  CHECK(code_of({good.vertices, amps::Triangles(0, 3)}) == ErrorCode::kInvalidMesh);
-  CHECK(code_of({amps::Points(0, 3), good.triangles}) == ErrorCode::kInvalidMesh);
+  CHECK_NOTHROW(SurfaceTree{good});
+  CHECK(error_of_tree(without_facets(good)) == ErrorCode::kInvalidMesh);
+  CHECK(error_of_tree({no_points(), good.triangles}) == ErrorCode::kInvalidMesh);
   for (const Index v : {-1, 4}) {
     Mesh mesh = good;
     mesh.triangles(1, 2) = v;
-    CHECK(code_of(mesh) == ErrorCode::kInvalidMesh);
+    CHECK(error_of_tree(mesh) == ErrorCode::kInvalidMesh);
   }
   for (const double x : {kInfinity, -kInfinity, std::nan("")}) {
     Mesh mesh = good;
     mesh.vertices(mesh.triangles(0, 1), 2) = x;
-    CHECK(code_of(mesh) == ErrorCode::kInvalidMesh);
-    mesh = good;
-    mesh.vertices.conservativeResize(5, 3);
-    mesh.vertices.row(4).setConstant(x);
-    CHECK(!code_of(mesh));
+    CHECK(error_of_tree(mesh) == ErrorCode::kInvalidMesh);
+    CHECK_NOTHROW(SurfaceTree{with_vertices(good, {Vec3::Constant(x)})});
   }
 }
+
+}  // namespace amps_test

@@ -1,11 +1,11 @@
 // Trial patches against the dual triangulation itself. In a plane their dual points are the true ones.
 #include "amps/trial_patch.h"
 
-#include "amps/maximality.h"
+#include "kit/models.h"
+#include "kit/samples.h"
+
 #include "amps/remesh.h"
 #include "amps/sampling.h"
-#include "amps/shapes.h"
-#include "test_models.h"
 
 #include <doctest/doctest.h>
 
@@ -17,23 +17,14 @@
 #include <utility>
 #include <vector>
 
-using amps::Index;
-using amps::Mesh;
-using amps::Rng;
-using amps::SampleSet;
-using amps::Vec3;
+namespace amps_test {
+
 using amps::detail::DualRating;
 using amps::detail::TrialPatch;
 
 namespace {
 
 constexpr double kLow = 35, kHigh = 105;
-constexpr double kPi = 3.14159265358979323846;
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
-Vec3 sample_at(const SampleSet& set, Index s) { return set.positions.row(s).transpose(); }
-
 /// Who is around whom.
 struct Dual {
   Mesh mesh;
@@ -41,11 +32,11 @@ struct Dual {
   std::vector<std::set<Index>> neighbors;
 
   explicit Dual(Mesh dual) : mesh(std::move(dual)) {
-    const auto n = static_cast<std::size_t>(mesh.vertices.rows());
+    const std::size_t n = at(rows(mesh.vertices));
     std::vector<std::map<Index, Index>> next(n);
     neighbors.resize(n);
     ring.resize(n);
-    for (Index t = 0; t < mesh.triangles.rows(); ++t) {
+    for (Index t = 0; t < rows(mesh.triangles); ++t) {
       for (int k = 0; k < 3; ++k) {
         const Index a = mesh.triangles(t, k), b = mesh.triangles(t, (k + 1) % 3), c = mesh.triangles(t, (k + 2) % 3);
         next[at(a)][b] = c;
@@ -72,8 +63,8 @@ struct Dual {
   /// Of all triangles, and of the valences of inner vertices.
   double energy(const DualRating& rating) const {
     double sum = 0;
-    const auto x = [&](Index t, int k) -> Vec3 { return mesh.vertices.row(mesh.triangles(t, k)).transpose(); };
-    for (Index t = 0; t < mesh.triangles.rows(); ++t) sum += rating.triangle(x(t, 0), x(t, 1), x(t, 2));
+    const auto x = [&](Index t, int k) -> Vec3 { return MeshView(mesh).corner(t, k); };
+    for (Index t = 0; t < rows(mesh.triangles); ++t) sum += rating.triangle(x(t, 0), x(t, 1), x(t, 2));
     for (std::size_t v = 0; v < ring.size(); ++v) {
       if (!ring[v].empty()) sum += rating.valence(static_cast<int>(neighbors[v].size()), false);
     }
@@ -136,7 +127,7 @@ Tally compare(const Mesh& mesh, const SampleSet& set, const amps::SizingField& f
   TrialPatch patch(rating);
   std::vector<Index> ids;
   while (patches > 0) {
-    std::vector<Index> removed = {static_cast<Index>(rng.below(static_cast<std::uint64_t>(set.size())))};
+    std::vector<Index> removed = {below(rng, set.size())};
     const auto wanted = static_cast<std::size_t>(1 + rng.below(4));
     for (int k = 0; k < 8 && removed.size() < wanted; ++k) {
       const std::vector<Index>& ring = before.ring[at(removed[rng.below(removed.size())])];
@@ -158,7 +149,7 @@ Tally compare(const Mesh& mesh, const SampleSet& set, const amps::SizingField& f
       const double reach = 2 * set.radii[hole];
       const Vec3 dart = sample_at(set, hole) + reach * Vec3(2 * rng.uniform() - 1, 2 * rng.uniform() - 1, 0);
       bool free = dart[0] > 0 && dart[0] < 1 && dart[1] > 0 && dart[1] < 1;
-      double nearest = INFINITY;
+      double nearest = kInfinity;
       for (Index s = 0; s < set.size(); ++s) {
         if (std::find(removed.begin(), removed.end(), s) != removed.end()) continue;
         const double d = (sample_at(set, s) - dart).norm();
@@ -181,20 +172,10 @@ Tally compare(const Mesh& mesh, const SampleSet& set, const amps::SizingField& f
     ++tally.trials;
     if (!follows) continue;
     ++tally.followed;
-    const auto kept = set.size() - static_cast<Index>(removed.size());
-    SampleSet changed;
-    changed.positions.resize(kept + static_cast<Index>(x.size()), 3);
-    changed.radii.resize(changed.positions.rows());
-    Index n = 0;
-    for (Index s = 0; s < set.size(); ++s) {
-      if (std::find(removed.begin(), removed.end(), s) != removed.end()) continue;
-      changed.positions.row(n) = set.positions.row(s);
-      changed.radii[n++] = set.radii[s];
-    }
-    for (std::size_t k = 0; k < x.size(); ++k) {
-      changed.positions.row(n) = x[k].transpose();
-      changed.radii[n++] = r[k];
-    }
+    const SampleSet kept =
+        selected(set, [&](Index s) { return std::find(removed.begin(), removed.end(), s) == removed.end(); });
+    const Values radii = made_values(static_cast<Index>(r.size()), [&r](Index k) { return r[at(k)]; });
+    const SampleSet changed = bare_set(joined(kept.positions, points_of(x)), joined(kept.radii, radii));
     const Dual after(amps::restricted_triangulation(mesh, changed));
     const double expected = after.energy(rating) - energy_before, found = patch.energy() - patch_before;
     tally.right += std::fabs(found - expected) <= 1e-6;
@@ -209,9 +190,8 @@ Tally compare(const Mesh& mesh, const SampleSet& set, const amps::SizingField& f
 
 TEST_CASE("trial_patch: in the plane, equal radii, it follows the dual triangulation") {
   const Mesh mesh = amps::make_square(1);
-  amps::SamplingOptions options;
-  options.radius = amps_test::radius_for(mesh, 400);
-  const Tally tally = compare(mesh, amps::sample(mesh, options).samples, {}, 150, 501);
+  const SampleSet set = amps::sample(mesh, with_radius(radius_for(mesh, 400))).samples;
+  const Tally tally = compare(mesh, set, {}, 150, 501);
   CHECK(tally.followed >= 0.97 * tally.trials);
   CHECK(tally.right >= 0.99 * tally.followed);
   CHECK(tally.gaps_right >= 0.99 * tally.followed);
@@ -219,10 +199,8 @@ TEST_CASE("trial_patch: in the plane, equal radii, it follows the dual triangula
 
 TEST_CASE("trial_patch: in the plane, graded radii, it follows the dual triangulation") {
   const Mesh mesh = amps::make_square(8);
-  Eigen::VectorXd radii = 1 + 7 * mesh.vertices.col(0).array();
-  amps::SamplingOptions options;
-  options.sizing = amps::for_count(amps::vertex_sizing(mesh, radii), 400, 0.1);
-  const Tally tally = compare(mesh, amps::sample(mesh, options).samples, options.sizing, 150, 502);
+  const SizingField field = amps::for_count(amps::vertex_sizing(mesh, graded_radii(mesh, 8, 0)), 400, 0.1);
+  const Tally tally = compare(mesh, amps::sample(mesh, with_sizing(field)).samples, field, 150, 502);
   CHECK(tally.followed >= 0.97 * tally.trials);
   CHECK(tally.right >= 0.98 * tally.followed);
   CHECK(tally.gaps_right >= 0.98 * tally.followed);
@@ -386,3 +364,5 @@ TEST_CASE("trial_patch: ratings are degrees out of bounds to first order, half a
   CHECK(rate(angles_only, 10) > 0);
   CHECK(valences_only.valence(3, false) == 10);
 }
+
+}  // namespace amps_test

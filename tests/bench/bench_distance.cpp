@@ -8,7 +8,7 @@
 #include "amps/sizing.h"
 #include "amps/surface_distance.h"
 #include "amps/surface_tree.h"
-#include "../test_data.h"
+#include "../kit/data.h"
 
 #include <benchmark/benchmark.h>
 

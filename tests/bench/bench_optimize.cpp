@@ -16,8 +16,8 @@
 #include "amps/shapes.h"
 #include "amps/sizing.h"
 #include "amps/surface_distance.h"
-#include "../pair_correlation.h"
-#include "../test_data.h"
+#include "../kit/pair_correlation.h"
+#include "../kit/data.h"
 #include "peak_memory.h"
 
 #include <benchmark/benchmark.h>
@@ -110,10 +110,9 @@ OptimizeRun run_case(const OptimizeCase& c, AngleBounds bounds, std::uint64_t se
 }
 
 std::string label(const OptimizeCase& c, const amps::OptimizeReport& report) {
-  static constexpr const char* kStatus[] = {"done", "iteration limit", "stalled", "cancelled"};
   std::string text = c.name + " [" + std::to_string(static_cast<int>(report.min_angle)) + ", " +
-                     std::to_string(static_cast<int>(report.max_angle)) + "]: " + kStatus[static_cast<int>(report.status)];
-  if (report.status != amps::OptimizeStatus::kDone) {
+                     std::to_string(static_cast<int>(report.max_angle)) + "]: " + amps::name_of(report.status);
+  if (report.status != amps::Outcome::kDone) {
     text += ", " + std::to_string(report.iterations.back().bad_triangles) + " bad triangles, " +
             std::to_string(report.iterations.back().bad_vertices) + " bad vertices";
   }

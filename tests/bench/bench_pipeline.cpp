@@ -12,7 +12,7 @@
 #include "amps/sampling.h"
 #include "amps/shapes.h"
 #include "amps/sizing.h"
-#include "../test_data.h"
+#include "../kit/data.h"
 #include "peak_memory.h"
 
 #include <benchmark/benchmark.h>

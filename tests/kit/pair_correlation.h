@@ -3,8 +3,9 @@
 // d).
 #pragma once
 
+#include "points.h"
+
 #include "amps/kdtree.h"
-#include "amps/mesh.h"
 
 #include <cmath>
 #include <cstddef>
@@ -15,16 +16,16 @@ namespace amps_test {
 /// g in `bins` bins of width `width`, the first from `first` on, over the pairs whose one point is `inner`. `density`: points
 /// an area, around those. Within the distance d of a point there must be the area π·d²: true in the plane as far as d from its
 /// border, and on all of a sphere, where d is measured in space.
-inline std::vector<double> pair_correlation(const amps::Points& points, const std::vector<char>& inner, double density,
-                                            double first, double width, std::size_t bins) {
+inline std::vector<double> pair_correlation(const Points& points, const std::vector<char>& inner, double density, double first,
+                                            double width, std::size_t bins) {
   const amps::KdTree tree(points);
   std::vector<double> g(bins, 0.0);
   std::vector<amps::KdTree::Neighbor> around;
   double centres = 0;
-  for (amps::Index i = 0; i < points.rows(); ++i) {
-    if (inner[static_cast<std::size_t>(i)] == 0) continue;
+  for (Index i = 0; i < rows(points); ++i) {
+    if (inner[at(i)] == 0) continue;
     ++centres;
-    tree.in_radius(points.row(i).transpose(), first + width * static_cast<double>(bins), around);
+    tree.in_radius(point_at(points, i), first + width * static_cast<double>(bins), around);
     for (const amps::KdTree::Neighbor& n : around) {
       const double d = std::sqrt(n.squared_distance);
       if (n.index == i || d < first) continue;
@@ -32,7 +33,6 @@ inline std::vector<double> pair_correlation(const amps::Points& points, const st
       if (bin < bins) ++g[bin];
     }
   }
-  constexpr double kPi = 3.14159265358979323846;
   for (std::size_t k = 0; k < bins; ++k) {
     const double from = first + width * static_cast<double>(k), to = from + width;
     g[k] /= centres * density * kPi * (to * to - from * from);

@@ -1,4 +1,4 @@
-// test_data.h: real meshes for tests, where the machine has them, and a stand-in where it does not.
+// data.h: real meshes for tests, where the machine has them, and a stand-in where it does not.
 #pragma once
 
 #include "amps/mesh.h"

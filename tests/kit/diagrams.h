@@ -1,17 +1,16 @@
-// test_diagrams.h: sites and meshes for tests of restricted power diagrams, the laws that every diagram obeys, an oracle for
-// its areas, and equality of diagrams.
+// diagrams.h: the laws that every restricted power diagram obeys, an oracle for its areas, and equality of diagrams.
 #pragma once
 
+#include "meshes.h"
+#include "sites.h"
+
 #include "amps/power_diagram.h"
-#include "amps/shapes.h"
 
 #include <doctest/doctest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
-#include <functional>
 #include <map>
 #include <numeric>
 #include <set>
@@ -21,132 +20,7 @@
 
 namespace amps_test {
 
-using amps::Error;
-using amps::ErrorCode;
-using amps::Index;
-using amps::kNone;
-using amps::Mesh;
-using amps::MeshView;
-using amps::Points;
-using amps::Rng;
-using amps::Triangles;
-using amps::Vec3;
 using Diagram = amps::RestrictedPowerDiagram;
-using Real = long double;
-
-struct Sites {
-  Points positions;
-  Eigen::VectorXd weights;
-  Index size() const { return static_cast<Index>(positions.rows()); }
-  Vec3 at(Index s) const { return positions.row(s).transpose(); }
-};
-
-inline Sites sites_of(const std::vector<Vec3>& positions) {
-  Sites sites{Points(static_cast<Index>(positions.size()), 3), Eigen::VectorXd::Zero(static_cast<Index>(positions.size()))};
-  for (Index s = 0; s < sites.size(); ++s) sites.positions.row(s) = positions[static_cast<std::size_t>(s)].transpose();
-  return sites;
-}
-
-inline Mesh mesh_of(const std::vector<Vec3>& vertices, const std::vector<std::array<Index, 3>>& triangles) {
-  Mesh mesh;
-  mesh.vertices = sites_of(vertices).positions;
-  mesh.triangles.resize(static_cast<Index>(triangles.size()), 3);
-  for (Index f = 0; f < mesh.triangles.rows(); ++f) {
-    for (int k = 0; k < 3; ++k) mesh.triangles(f, k) = triangles[static_cast<std::size_t>(f)][static_cast<std::size_t>(k)];
-  }
-  return mesh;
-}
-
-/// Uniform points of the surface, and a few within `lift` of it, with weights in [0, max_weight).
-inline Sites random_sites(const Mesh& mesh, Index n, double max_weight, std::uint64_t seed, double lift = 0) {
-  Rng rng(seed);
-  const std::vector<double> areas = amps::facet_areas(mesh);
-  std::vector<double> up_to(areas.size());
-  std::partial_sum(areas.begin(), areas.end(), up_to.begin());
-  Sites sites{Points(n, 3), Eigen::VectorXd(n)};
-  for (Index s = 0; s < n; ++s) {
-    const auto found = std::upper_bound(up_to.begin(), up_to.end(), rng.uniform() * up_to.back());
-    const auto facet = static_cast<Index>(std::min<std::ptrdiff_t>(found - up_to.begin(), mesh.triangles.rows() - 1));
-    const Vec3 b = amps::uniform_barycentric(rng);
-    Vec3 x = Vec3::Zero();
-    for (int k = 0; k < 3; ++k) x += b[k] * MeshView(mesh).corner(facet, k);
-    for (int k = 0; k < 3; ++k) x[k] += lift * (rng.uniform() - 0.5);
-    sites.positions.row(s) = x.transpose();
-    sites.weights[s] = max_weight * rng.uniform();
-  }
-  return sites;
-}
-
-/// Unconnected triangles of all sizes in the unit cube, some crossing each other.
-inline Mesh random_soup(Index n, std::uint64_t seed) {
-  Rng rng(seed);
-  std::vector<Vec3> vertices;
-  std::vector<std::array<Index, 3>> triangles;
-  for (Index f = 0; f < n; ++f) {
-    const Vec3 centre(rng.uniform(), rng.uniform(), rng.uniform());
-    const double size = rng.uniform();
-    for (int k = 0; k < 3; ++k) {
-      vertices.push_back(centre + size * (Vec3(rng.uniform(), rng.uniform(), rng.uniform()) - Vec3::Constant(0.5)));
-    }
-    triangles.push_back({3 * f, 3 * f + 1, 3 * f + 2});
-  }
-  return mesh_of(vertices, triangles);
-}
-
-/// A book of `pages` rectangles around one spine: a non-manifold edge.
-inline Mesh open_book(Index pages) {
-  std::vector<Vec3> vertices = {{0, 0, 0}, {0, 0, 1}};
-  std::vector<std::array<Index, 3>> triangles;
-  for (Index p = 0; p < pages; ++p) {
-    const double angle = 0.3 + 1.1 * p;
-    const Index v = static_cast<Index>(vertices.size());
-    for (const double z : {0.0, 1.0}) vertices.emplace_back(std::cos(angle), std::sin(angle), z);
-    triangles.push_back({0, v, v + 1});
-    triangles.push_back({0, v + 1, 1});
-  }
-  return mesh_of(vertices, triangles);
-}
-
-inline Mesh with_random_flips(Mesh mesh, std::uint64_t seed) {
-  Rng rng(seed);
-  for (Index f = 0; f < mesh.triangles.rows(); ++f) {
-    if (rng.below(2) == 0) std::swap(mesh.triangles(f, 1), mesh.triangles(f, 2));
-  }
-  return mesh;
-}
-
-inline Mesh joined(const Mesh& a, const Mesh& b) {
-  Mesh mesh{Points(a.vertices.rows() + b.vertices.rows(), 3), Triangles(a.triangles.rows() + b.triangles.rows(), 3)};
-  mesh.vertices << a.vertices, b.vertices;
-  mesh.triangles << a.triangles, (b.triangles.array() + static_cast<Index>(a.vertices.rows())).matrix();
-  return mesh;
-}
-
-inline Mesh small_knot() {
-  amps::KnotOptions options;
-  options.around = 6;
-  options.along = 60;
-  return amps::make_knot(options);
-}
-
-struct NamedMesh {
-  std::string name;
-  Mesh mesh;
-};
-
-inline std::vector<NamedMesh> small_meshes() {
-  return {{"square", amps::make_square(3)},
-          {"cube", amps::make_cube(2)},
-          {"sphere", amps::make_sphere(180)},
-          {"torus", amps::make_torus(1.0, 0.4, 14, 8)},
-          {"knot", small_knot()},
-          {"soup", random_soup(40, 11)},
-          {"book of 5 pages", open_book(5)},
-          {"sphere with flipped facets", with_random_flips(amps::make_sphere(180), 12)},
-          {"two components", joined(amps::make_sphere(80), amps::make_cube(1))}};
-}
-
-inline bool same_bits(const Vec3& a, const Vec3& b) { return std::memcmp(a.data(), b.data(), 3 * sizeof(double)) == 0; }
 
 /// The sites of a polygon corner: the owner and the labels of its two edges.
 inline std::array<Index, 3> corner_key(const Diagram::Polygon& p, Index k) {
@@ -350,26 +224,52 @@ inline double worst_area_error(const Mesh& mesh, const Sites& sites, const Diagr
   return static_cast<double>(worst);
 }
 
-/// Facet, site, labels and corner bits of all fragments, each polygon turned to begin with its least label.
+/// Labels and corner bits of a fragment, turned to begin with its least label.
 struct Canonical {
   std::vector<Index> labels;
   std::vector<std::array<double, 3>> corners;
   bool operator==(const Canonical& other) const { return labels == other.labels && corners == other.corners; }
 };
-using CanonicalDiagram = std::map<std::pair<Index, Index>, Canonical>;
+using CanonicalDiagram = std::map<std::pair<Index, Index>, Canonical>;  ///< by facet and site
 
-inline CanonicalDiagram canonical(const Diagram& diagram) {
+/// All fragments, with sites named `name[s]`.
+inline CanonicalDiagram canonical(const Diagram& diagram, const std::vector<Index>& name) {
   CanonicalDiagram result;
   for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
     if (!diagram.alive(f)) continue;
     const Diagram::Polygon p = diagram.polygon(f);
-    const auto start = static_cast<Index>(std::min_element(p.labels, p.labels + p.size) - p.labels);
-    Canonical& entry = result[{p.facet, p.site}];
-    for (Index k = 0; k < p.size; ++k) {
-      const Index at = (start + k) % p.size;
-      entry.labels.push_back(p.labels[at]);
-      entry.corners.push_back({p.corners[at].x(), p.corners[at].y(), p.corners[at].z()});
+    std::vector<Index> labels(p.labels, p.labels + p.size);
+    for (Index& label : labels) {
+      if (Diagram::is_site(label)) label = name[at(label)];
     }
+    const auto start = static_cast<std::size_t>(std::min_element(labels.begin(), labels.end()) - labels.begin());
+    Canonical& entry = result[{p.facet, name[at(p.site)]}];
+    for (std::size_t k = 0; k < labels.size(); ++k) {
+      const std::size_t from = (start + k) % labels.size();
+      entry.labels.push_back(labels[from]);
+      entry.corners.push_back({p.corners[from].x(), p.corners[from].y(), p.corners[from].z()});
+    }
+  }
+  return result;
+}
+
+inline CanonicalDiagram canonical(const Diagram& diagram) { return canonical(diagram, all_indices(diagram.num_sites())); }
+
+/// One fragment as it lies in its slot.
+inline Canonical unturned(const Diagram::Polygon& p) {
+  Canonical result;
+  result.labels.assign(p.labels, p.labels + p.size);
+  for (Index k = 0; k < p.size; ++k) result.corners.push_back({p.corners[k].x(), p.corners[k].y(), p.corners[k].z()});
+  return result;
+}
+
+/// All fragments by slot: facet and site, labels and corners.
+inline std::map<Index, std::pair<std::pair<Index, Index>, Canonical>> snapshot(const Diagram& diagram) {
+  std::map<Index, std::pair<std::pair<Index, Index>, Canonical>> result;
+  for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+    if (!diagram.alive(f)) continue;
+    const Diagram::Polygon p = diagram.polygon(f);
+    result[f] = {{p.facet, p.site}, unturned(p)};
   }
   return result;
 }
@@ -380,7 +280,8 @@ inline bool same_diagram(const Diagram& a, const Diagram& b) {
 }
 
 inline Diagram inserted_one_by_one(const Mesh& mesh, const Sites& sites, Index at_once = 1) {
-  Diagram diagram(mesh, sites.positions.topRows(at_once), sites.weights.head(at_once));
+  const Sites begin = head(sites, at_once);
+  Diagram diagram(mesh, begin.positions, begin.weights);
   for (Index s = at_once; s < sites.size(); ++s) {
     REQUIRE(diagram.insert(sites.at(s), sites.weights[s], s % 3 == 0 ? kNone : s / 2) == s);
   }
@@ -399,37 +300,6 @@ inline void check_everything(const Mesh& mesh, const Sites& sites, double tolera
   CHECK(broken_law(mesh, diagram) == "");
   CHECK(worst_area_error(mesh, sites, diagram) <= tolerance);
   CHECK(same_diagram(diagram, inserted_one_by_one(mesh, sites)));
-}
-
-/// Integer points on the sphere |p|² = n.
-inline std::vector<Vec3> integer_sphere(int n) {
-  std::vector<Vec3> points;
-  const int m = static_cast<int>(std::sqrt(n));
-  for (int x = -m; x <= m; ++x) {
-    for (int y = -m; y <= m; ++y) {
-      for (int z = -m; z <= m; ++z) {
-        if (x * x + y * y + z * z == n) points.emplace_back(x, y, z);
-      }
-    }
-  }
-  return points;
-}
-
-inline Mesh scaled(Mesh mesh, double factor, const Vec3& offset = Vec3::Zero()) {
-  mesh.vertices *= factor;
-  mesh.vertices.rowwise() += offset.transpose();
-  return mesh;
-}
-
-inline ErrorCode error_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    CHECK(std::string(error.what()).size() > 20);
-    return error.code();
-  }
-  FAIL("no error was thrown");
-  return ErrorCode::kInternal;
 }
 
 }  // namespace amps_test

@@ -1,0 +1,150 @@
+// dual_star.h (internal): the dual triangles around a sample, read from the restricted power diagram, and how bad they are.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/power_diagram.h"
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace amps::detail {
+
+/// An energy counts as lowered from this on; less may be rounding.
+inline constexpr double kMinGain = 1e-6;
+
+/// How bad a triangle or a valence is; 0: good.
+class DualRating {
+ public:
+  /// Degrees, as OptimizeOptions.
+  DualRating(bool angles, bool valences, double min_angle, double max_angle);
+
+  /// Degrees out of bounds over the three corners, to first order in the angle, those above counting half; and 0.25 for each
+  /// angle too small, 0.5 for one too large.
+  double triangle(const Vec3& a, const Vec3& b, const Vec3& c) const {
+    if (!angles_) return 0;
+    const double la = (b - c).squaredNorm(), lb = (c - a).squaredNorm(), lc = (a - b).squaredNorm();
+    return corner(lb, lc, la) + corner(lc, la, lb) + corner(la, lb, lc);
+  }
+  double valence(int neighbors, bool boundary) const {
+    if (!valences_) return 0;
+    const int max = boundary ? kMaxAtBoundary : kMaxInside;
+    return kPerValence * (neighbors > max ? neighbors - max : !boundary && neighbors < kMinInside ? kMinInside - neighbors : 0);
+  }
+
+ private:
+  static constexpr int kMinInside = 5;      ///< valence of an inner vertex, as the paper's
+  static constexpr int kMaxInside = 7;      ///< likewise
+  static constexpr int kMaxAtBoundary = 5;  ///< of a boundary vertex: angles of 45 degrees on a straight one
+  /// Charged for each neighbour missing or too many: as much as that many degrees.
+  static constexpr double kPerValence = 5;
+  /// Charged for an angle above its bound, and half of it for one below, however little it is out of bounds.
+  static constexpr double kPerBadTriangle = 0.5;
+  /// An angle above its bound counts this times as much as one below.
+  static constexpr double kObtuseShare = 0.5;
+
+  /// Law of cosines, from squared lengths.
+  double corner(double beside, double other, double opposite) const {
+    const double cosine = (beside + other - opposite) / (2 * std::sqrt(beside * other));
+    if (cosine > cos_min_) return below_ * (cosine - cos_min_) + kPerBadTriangle / 2;
+    if (cosine < cos_max_) return above_ * (cos_max_ - cosine) + kPerBadTriangle;
+    return 0;
+  }
+
+  bool angles_, valences_;
+  double cos_min_ = 1, cos_max_ = -1, below_ = 0, above_ = 0;
+};
+
+/// The neighbours of a sample in the dual triangulation, where they surround it.
+struct DualStar {
+  static constexpr int kMaxSize = 12;
+  std::array<Index, kMaxSize> ring;  ///< cyclic
+  std::int8_t size = 0;              ///< 0: not a disk, or too large
+};
+
+/// A triangle, or a vertex (b = c = kNone), that is bad.
+struct BadItem {
+  Index a, b, c;
+  bool is_vertex() const { return b == kNone; }
+};
+
+/// Reads dual stars as the diagram has them, one at a time, and rates them. A view: diagram and rating must outlive it.
+class StarReader {
+ public:
+  StarReader(const RestrictedPowerDiagram& diagram, const DualRating& rating) : diagram_(diagram), rating_(rating) {}
+
+  /// Whether the valence of crossings counts; at first it does not.
+  void rate_crossings(bool on) { rates_crossings_ = on; }
+  bool rates_crossings() const { return rates_crossings_; }
+
+  /// The other two corners of a triangle, the lower first.
+  using Pair = std::array<Index, 2>;
+
+  /// The triangles around s, ascending, each once. Valid until the next star is read.
+  const std::vector<Pair>& read(Index s);
+
+  /// Kinds of stars. A disk: one cycle of pairs. A half disk: one path. Pinched: several cycles. A crossing: no border, but
+  /// edges of more than two triangles.
+  enum class Form { kDisk, kHalfDisk, kPinched, kCrossing, kOther };
+
+  /// Of the last star read; `star` (out): its ring.
+  Form form(DualStar& star);
+
+  double triangle(Index a, Index b, Index c) const {
+    return rating_.triangle(diagram_.site(a).position(), diagram_.site(b).position(), diagram_.site(c).position());
+  }
+
+  /// Reads s: the rating of its valence and a third of that of its triangles. `star` (out): its ring.
+  double energy(Index s, DualStar& star);
+
+  /// Reads s and adds what is bad there: s itself, and triangles of which it is the lowest corner.
+  void list_bad(Index s, std::vector<BadItem>& items);
+
+ private:
+  struct Ends {
+    int count = 0;          ///< neighbours in one triangle only
+    bool crossing = false;  ///< a neighbour is in more than two
+    Index start = kNone;    ///< an end, or any neighbour where there is none
+  };
+  Ends count_neighbors();
+  void walk(Index start, std::size_t vertices);
+  double valence(Form form) const;
+
+  const RestrictedPowerDiagram& diagram_;
+  const DualRating& rating_;
+  bool rates_crossings_ = false;
+  std::vector<Pair> pairs_;
+  std::vector<Index> ring_;
+  int num_neighbors_ = 0;
+};
+
+/// Stars and energies by sample, as they were last read. Energies of all samples sum to that of the triangulation.
+struct DualStars {
+  std::vector<DualStar> star;
+  std::vector<double> energy;
+
+  void resize(std::size_t samples) {
+    star.resize(samples);
+    energy.resize(samples);
+  }
+  void read(StarReader& reader, Index s) { energy[slot(s)] = reader.energy(s, star[slot(s)]); }
+};
+
+/// The least and the greatest of angles; kept as cosines.
+class AngleRange {
+ public:
+  /// The corners of a triangle.
+  void add(const Vec3& x, const Vec3& y, const Vec3& z);
+  /// Degrees; 0 if there was no triangle.
+  double min_angle() const { return empty() ? 0 : degrees(max_cosine_); }
+  double max_angle() const { return empty() ? 0 : degrees(min_cosine_); }
+
+ private:
+  bool empty() const { return max_cosine_ < min_cosine_; }
+  static double degrees(double cosine);
+  double min_cosine_ = 2, max_cosine_ = -2;
+};
+
+}  // namespace amps::detail

@@ -1,0 +1,236 @@
+#define AMPS_OWN_SOURCE
+#include "amps/refill.h"
+
+#include "amps/wanted_radii.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace amps::detail {
+namespace {
+
+/// Energy that trials count for a sample more, and less for a sample fewer: halves the growth of sets, at no cost in time. With
+/// 5, tight bounds take twice the time.
+constexpr double kEnergyPerSample = 2;
+/// Darts that are kept to choose from, for each sample taken out: fewer leave gaps, more cost time.
+constexpr std::size_t kPoolPerSample = 12;
+/// Darts that are kept at most; their indices are bytes.
+constexpr std::size_t kMaxPool = 96;
+/// Darts thrown at most to find those, for each sample taken out: most fall into disks around.
+constexpr int kPoolDartsPerSample = 110;
+
+}  // namespace
+
+void NearbyDisks::assign(const TrialPatch& patch, int first) {
+  size_ = 0;
+  for (int v = first; v < patch.num_vertices(); ++v) add(patch.position(v), patch.weight(v));
+  while (size_ % kBlock != 0) add(Vec3::Constant(INFINITY), 0);
+}
+
+bool NearbyDisks::are_apart(const Vec3& x, double& nearest) const {
+  for (std::size_t begin = 0; begin < size_; begin += kBlock) {
+    double depth = INFINITY;
+    for (std::size_t k = begin; k < begin + kBlock; ++k) {
+      const double dx = x_[k] - x[0], dy = y_[k] - x[1], dz = z_[k] - x[2], d = dx * dx + dy * dy + dz * dz;
+      depth = std::min(depth, d - weight_[k]);
+      nearest = std::min(nearest, d);
+    }
+    if (depth < 0) return false;
+  }
+  return true;
+}
+
+void NearbyDisks::add(const Vec3& x, double weight) {
+  x_[size_] = x[0];
+  y_[size_] = x[1];
+  z_[size_] = x[2];
+  weight_[size_++] = weight;
+}
+
+Proposal RefillFinder::find(const BadItem& item, Rng rng) {
+  proposal_ = Proposal();
+  bool copied = true;
+  best_gain_ = kMinGain;
+  all_good_ = false;
+  const std::size_t corners = item.is_vertex() ? 1 : 3;
+  std::array<Index, 3> corner = {item.a, item.b, item.c};
+  for (std::size_t k = corners; k > 1; --k) std::swap(corner[k - 1], corner[rng.below(k)]);
+  // Small patches first: they cost least to try and to carry out.
+  for (std::size_t k = 0; k < corners && !all_good_; ++k) {
+    removed_.assign(1, corner[k]);
+    copied = try_patch(rng) && copied;
+  }
+  if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
+  for (std::size_t k = 0; k < corners; ++k) {
+    removed_.assign(1, corner[k]);
+    if (corners == 3) {
+      removed_.push_back(corner[(k + 1) % 3]);
+    } else {
+      add_random_neighbor(rng);
+    }
+    copied = try_patch(rng) && copied;
+    if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
+  }
+  removed_.assign(corner.begin(), corner.begin() + static_cast<std::ptrdiff_t>(corners));
+  const int neighbors = corners == 1 || rng.below(2) == 0 ? 2 : 0;
+  for (int k = 0; k < neighbors; ++k) add_random_neighbor(rng);
+  copied = try_patch(rng) && copied;
+  if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
+  if (!copied) proposal_.kind = Proposal::Kind::kInPlace;
+  return std::move(proposal_);
+}
+
+void RefillFinder::add_random_neighbor(Rng& rng) {
+  const DualStar& star = stars_.star[slot(removed_[rng.below(removed_.size())])];
+  if (star.size == 0) return;
+  const Index s = star.ring[rng.below(static_cast<std::uint64_t>(star.size))];
+  if (std::find(removed_.begin(), removed_.end(), s) == removed_.end()) removed_.push_back(s);
+}
+
+/// Several refills of the gap that removed_ leave; the best becomes the proposal if it is an improvement. False if the patch
+/// cannot be copied.
+bool RefillFinder::try_patch(Rng& rng) {
+  if (!copy_patch()) return false;
+  const double before = patch_.energy() + kEnergyPerSample * static_cast<double>(removed_.size());
+  for (std::size_t k = 0; k < removed_.size(); ++k) {
+    if (!patch_.remove(static_cast<int>(k))) return true;
+  }
+  fill_pool(rng);
+  bool improved = false;
+  double best = -best_gain_;
+  for (int refill = 0; refill < refills_ && !pool_.empty() && !all_good_; ++refill) {
+    ++proposal_.trials;
+    if (!try_refill(rng)) continue;
+    const double after = trial_.energy(), energy = after + kEnergyPerSample * static_cast<double>(chosen_.size()) - before;
+    if (!(energy < best)) continue;
+    all_good_ = after == 0 && chosen_.size() <= removed_.size();
+    best = energy;
+    best_gain_ = -energy;
+    improved = true;
+    proposal_.kind = Proposal::Kind::kRefill;
+    proposal_.added = chosen_;
+  }
+  if (improved) {
+    proposal_.removed = removed_;
+    proposal_.seen = ids_;
+  }
+  return true;
+}
+
+/// The vertex of the patch that stands for s, made if there is none; −1 if there is no room.
+int RefillFinder::local(Index s) {
+  for (std::size_t k = 0; k < ids_.size(); ++k) {
+    if (ids_[k] == s) return static_cast<int>(k);
+  }
+  ids_.push_back(s);
+  const WeightedPoint& p = diagram_.site(s);
+  const int size = stars_.star[slot(s)].size;
+  return patch_.add_vertex(p.position(), p.w, size, size > 0) ? static_cast<int>(ids_.size()) - 1 : -1;
+}
+
+/// The stars of removed_ and of their neighbours.
+bool RefillFinder::copy_patch() {
+  patch_.clear();
+  ids_.clear();
+  for (const Index s : removed_) local(s);
+  for (const Index s : removed_) {
+    const DualStar& star = stars_.star[slot(s)];
+    if (star.size == 0) return false;
+    for (int k = 0; k < star.size; ++k) {
+      if (local(star.ring[static_cast<std::size_t>(k)]) < 0) return false;
+    }
+  }
+  const std::size_t inner = ids_.size();
+  for (std::size_t v = 0; v < inner; ++v) {
+    const DualStar star = stars_.star[slot(ids_[v])];
+    if (star.size == 0) return false;
+    int before = local(star.ring[static_cast<std::size_t>(star.size - 1)]);
+    for (int k = 0; k < star.size; ++k) {
+      const int at = local(star.ring[static_cast<std::size_t>(k)]);
+      if (before < 0 || at < 0) return false;
+      // Once: from the first of its corners.
+      const auto earlier = [&](int u) { return static_cast<std::size_t>(u) < v; };
+      if (!earlier(before) && !earlier(at) && !patch_.add_triangle(static_cast<int>(v), before, at)) return false;
+      before = at;
+    }
+  }
+  patch_.close();
+  return true;
+}
+
+/// The cells of removed_ as triangles.
+void RefillFinder::list_pieces() {
+  pieces_.clear();
+  up_to_.clear();
+  double total = 0;
+  for (const Index s : removed_) {
+    for (Index f = diagram_.first_of_site(s); f != kNone; f = diagram_.next_of_site(f)) {
+      const auto polygon = diagram_.polygon(f);
+      for (Index k = 2; k < polygon.size; ++k) {
+        const Vec3 u = polygon.corners[k - 1] - polygon.corners[0], v = polygon.corners[k] - polygon.corners[0];
+        pieces_.push_back({polygon.facet, polygon.corners[0], u, v});
+        up_to_.push_back(total += u.cross(v).norm());
+      }
+    }
+  }
+}
+
+/// Uniform darts where removed_ had their cells, outside of all other balls: only there can a gap be.
+void RefillFinder::fill_pool(Rng& rng) {
+  pool_.clear();
+  list_pieces();
+  const double total = up_to_.empty() ? 0 : up_to_.back();
+  if (!(total > 0)) return;
+  others_.assign(patch_, static_cast<int>(removed_.size()));
+  const std::size_t max_size = std::min(kPoolPerSample * removed_.size(), kMaxPool);
+  const int max_darts = kPoolDartsPerSample * static_cast<int>(removed_.size());
+  for (int dart = 0; dart < max_darts && pool_.size() < max_size; ++dart) {
+    const double u = rng.uniform() * total;
+    std::size_t at = 0;  // counted, not searched for: no branch to mispredict
+    for (std::size_t k = 0; k + 1 < pieces_.size(); ++k) at += up_to_[k] <= u ? 1 : 0;
+    const Piece& piece = pieces_[at];
+    double along_u = rng.uniform(), along_v = rng.uniform();
+    const bool other_half = along_u + along_v > 1;  // of the parallelogram
+    along_u = other_half ? 1 - along_u : along_u;
+    along_v = other_half ? 1 - along_v : along_v;
+    const Vec3 x = piece.corner + along_u * piece.u + along_v * piece.v;
+    double nearest = INFINITY;
+    if (!others_.are_apart(x, nearest)) continue;
+    NewSample sample;
+    sample.at = surface_point_below(diagram_.mesh(), piece.facet, x);
+    sample.x = position_of(diagram_.mesh(), sample.at);  // beside x by rounding, so it is looked at anew
+    nearest = INFINITY;
+    if (!sample.x.allFinite() || !others_.are_apart(sample.x, nearest)) continue;
+    sample.radius = radii_.at(sample.at);
+    if (!radii_.field.empty()) {
+      sample.radius = radius_below(sample.radius, nearest);
+    } else if (nearest < sample.radius * sample.radius) {
+      continue;
+    }
+    pool_.push_back(sample);
+  }
+}
+
+/// Samples of the pool in random order, each if those before leave it free. False if that is no maximal refill.
+bool RefillFinder::try_refill(Rng& rng) {
+  trial_ = patch_;
+  chosen_.clear();
+  open_.resize(pool_.size());
+  for (std::size_t k = 0; k < open_.size(); ++k) open_[k] = static_cast<std::uint8_t>(k);
+  while (!open_.empty()) {
+    NewSample next = pool_[open_[rng.below(open_.size())]];
+    for (const NewSample& other : chosen_) {
+      if (!radii_.field.empty()) next.radius = radius_below(next.radius, (next.x - other.x).squaredNorm());
+    }
+    if (!trial_.insert(next.x, next.radius * next.radius)) return false;
+    chosen_.push_back(next);
+    const double reach = next.radius * next.radius;
+    open_.erase(
+        std::remove_if(open_.begin(), open_.end(), [&](std::uint8_t k) { return (pool_[k].x - next.x).squaredNorm() < reach; }),
+        open_.end());
+  }
+  return !trial_.has_gap();
+}
+
+}  // namespace amps::detail

@@ -1,0 +1,192 @@
+#define AMPS_OWN_SOURCE
+#include "amps/sample_edit.h"
+
+#include "amps/predicates.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace amps::detail {
+namespace {
+
+void sort_each_once(std::vector<Index>& ids) {
+  std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+}
+
+}  // namespace
+
+EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, VoxelGrid grid)
+    : diagram_(diagram), grid_(std::move(grid)) {
+  const auto n = slot(samples.size());
+  at_.resize(n);
+  radius_ = samples.radii;
+  alive_.assign(n, 1);
+  is_new_.assign(n, 0);
+  for (Index s = 0; s < size(); ++s) {
+    if (!samples.facets.empty()) at_[slot(s)] = {samples.facets[slot(s)], samples.barycentrics.row(s).transpose()};
+    grid_.insert(position(s), radius(s), s);
+  }
+}
+
+bool EditableSamples::are_apart(const std::vector<NewSample>& disks) const {
+  for (std::size_t k = 0; k < disks.size(); ++k) {
+    const NewSample& p = disks[k];
+    if (grid_.conflicting_sample(p.x, p.radius, ConflictRule::kMax) != kNone) return false;
+    for (std::size_t j = 0; j < k; ++j) {
+      const double r = std::max(p.radius, disks[j].radius);
+      if (side_of_ball(p.x.data(), disks[j].x.data(), r * r) < 0) return false;
+    }
+  }
+  return true;
+}
+
+SampleSet EditableSamples::collect(std::vector<Index>& ids) const {
+  ids.clear();
+  for (const bool made_here : {false, true}) {
+    for (Index s = 0; s < size(); ++s) {
+      if (alive(s) && is_new(s) == made_here) ids.push_back(s);
+    }
+  }
+  const auto n = static_cast<Index>(ids.size());
+  SampleSet result;
+  result.positions.resize(n);
+  result.barycentrics.resize(n);
+  for (Index row = 0; row < n; ++row) {
+    const Index s = ids[slot(row)];
+    result.positions.row(row) = position(s).transpose();
+    result.radii.push_back(radius(s));
+    result.facets.push_back(at(s).facet);
+    result.barycentrics.row(row) = at(s).barycentric.transpose();
+  }
+  return result;
+}
+
+SampleEdit::SampleEdit(EditableSamples& samples, const std::vector<Index>& removed) : samples_(samples) {
+  for (const Index s : removed) {
+    const NewSample sample{samples.position(s), samples.at(s), samples.radius(s)};
+    change_.removed.push_back({s, sample, samples.is_new(s)});
+    samples.grid_.remove(sample.x, sample.radius, s);
+  }
+}
+
+void SampleEdit::note_changed() {
+  const RestrictedPowerDiagram& diagram = samples_.diagram_;
+  changed_fragments_.insert(changed_fragments_.end(), diagram.changed().begin(), diagram.changed().end());
+  change_.affected.insert(change_.affected.end(), diagram.changed_sites().begin(), diagram.changed_sites().end());
+}
+
+void SampleEdit::remove_site(Index s) {
+  samples_.diagram_.remove(s);
+  samples_.alive_[slot(s)] = 0;
+  note_changed();
+}
+
+void SampleEdit::take_out() {
+  for (const SampleChange::Removed& old : change_.removed) remove_site(old.id);
+}
+
+/// Under an id that is free, or a new one.
+Index SampleEdit::insert_site(const NewSample& sample, Index near) {
+  const double weight = sample.radius * sample.radius;
+  if (samples_.free_.empty()) {
+    const Index s = samples_.diagram_.insert(sample.x, weight, near);
+    samples_.at_.emplace_back();
+    samples_.radius_.push_back(0);
+    samples_.alive_.push_back(0);
+    samples_.is_new_.push_back(1);
+    return s;
+  }
+  const Index s = samples_.free_.back();
+  samples_.free_.pop_back();
+  samples_.diagram_.reinsert(s, sample.x, weight, near);
+  return s;
+}
+
+Index SampleEdit::enter(const NewSample& sample, Index near) {
+  const Index s = insert_site(sample, near);
+  samples_.at_[slot(s)] = sample.at;
+  samples_.radius_[slot(s)] = sample.radius;
+  samples_.alive_[slot(s)] = 1;
+  samples_.is_new_[slot(s)] = 1;
+  samples_.grid_.insert(sample.x, sample.radius, s);
+  change_.added.push_back(s);
+  note_changed();
+  return s;
+}
+
+void SampleEdit::withdraw() {
+  for (const Index s : change_.added) {
+    samples_.grid_.remove(samples_.position(s), samples_.radius(s), s);
+    remove_site(s);
+    samples_.free_.push_back(s);
+  }
+  change_.added.clear();
+}
+
+bool SampleEdit::has_added(Index s) const {
+  return std::find(change_.added.begin(), change_.added.end(), s) != change_.added.end();
+}
+
+const std::vector<Index>& SampleEdit::changed_fragments() {
+  sort_each_once(changed_fragments_);
+  return changed_fragments_;
+}
+
+const std::vector<Index>& SampleEdit::affected() {
+  std::vector<Index>& affected = change_.affected;
+  sort_each_once(affected);
+  affected.erase(std::remove_if(affected.begin(), affected.end(), [&](Index s) { return !samples_.alive(s); }), affected.end());
+  return affected;
+}
+
+SampleChange SampleEdit::keep() {
+  for (const SampleChange::Removed& old : change_.removed) samples_.free_.push_back(old.id);
+  affected();
+  return std::move(change_);
+}
+
+/// Near the edit.
+Index SampleEdit::neighbor_that_stays() const {
+  for (const Index s : change_.affected) {
+    if (samples_.alive(s) && !has_added(s)) return s;
+  }
+  return kNone;
+}
+
+void SampleEdit::undo() {
+  Index near = neighbor_that_stays();
+  withdraw();
+  for (const SampleChange::Removed& old : change_.removed) {
+    const NewSample& sample = old.sample;
+    if (!samples_.alive(old.id)) {
+      samples_.diagram_.reinsert(old.id, sample.x, sample.radius * sample.radius, near);
+      note_changed();
+    }
+    samples_.at_[slot(old.id)] = sample.at;
+    samples_.radius_[slot(old.id)] = sample.radius;
+    samples_.alive_[slot(old.id)] = 1;
+    samples_.is_new_[slot(old.id)] = old.is_new;
+    samples_.grid_.insert(sample.x, sample.radius, old.id);
+    near = old.id;
+  }
+}
+
+std::vector<Index> SampleEdit::undo_all(EditableSamples& samples, std::vector<SampleChange>& changes) {
+  SampleEdit all(samples, SampleChange{});
+  for (const SampleChange& change : changes) {
+    all.change_.affected.insert(all.change_.affected.end(), change.affected.begin(), change.affected.end());
+  }
+  for (; !changes.empty(); changes.pop_back()) {
+    all.change_.removed = std::move(changes.back().removed);
+    all.change_.added = std::move(changes.back().added);
+    for (const SampleChange::Removed& old : all.removed()) {
+      samples.free_.erase(std::find(samples.free_.begin(), samples.free_.end(), old.id));
+    }
+    all.undo();
+  }
+  all.affected();
+  return std::move(all.change_.affected);
+}
+
+}  // namespace amps::detail

@@ -1,0 +1,113 @@
+// sample_edit.h (internal): edits of samples that have a power diagram and a grid. An edit takes samples out and puts others
+// in, in all three at once; then it is kept or undone. Edits that were kept can be undone later, the last one first.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/mesh.h"
+#include "amps/power_diagram.h"
+#include "amps/refill.h"
+#include "amps/samples.h"
+#include "amps/voxel_grid.h"
+
+#include <utility>
+#include <vector>
+
+namespace amps::detail {
+
+/// The samples of a diagram, by their ids in it, and a grid of them. Only a SampleEdit changes them; ids of samples that are
+/// gone are used again. Const members may be called concurrently.
+class EditableSamples {
+ public:
+  /// `diagram`: of exactly these samples, ids being rows; it must outlive this. `grid`: without samples yet, for all radii
+  /// there will be.
+  EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, VoxelGrid grid);
+
+  const RestrictedPowerDiagram& diagram() const { return diagram_; }
+  const VoxelGrid& grid() const { return grid_; }
+
+  /// Ids given out so far; some are not alive.
+  Index size() const { return static_cast<Index>(alive_.size()); }
+  bool alive(Index s) const { return alive_[slot(s)] != 0; }
+  /// Of a sample that is alive: has an edit put it in?
+  bool is_new(Index s) const { return is_new_[slot(s)] != 0; }
+  Vec3 position(Index s) const { return diagram_.site(s).position(); }
+  double radius(Index s) const { return radius_[slot(s)]; }
+  const SurfacePoint& at(Index s) const { return at_[slot(s)]; }
+
+  /// Exact: none of these disks has the centre of another one or of a sample in it, nor is its centre in a sample's disk.
+  bool are_apart(const std::vector<NewSample>& disks) const;
+
+  /// Those that are alive: the given ones in order, then the new ones. `ids` (out): of the rows.
+  SampleSet collect(std::vector<Index>& ids) const;
+
+ private:
+  friend class SampleEdit;
+
+  RestrictedPowerDiagram& diagram_;
+  VoxelGrid grid_;
+  std::vector<SurfacePoint> at_;
+  std::vector<double> radius_;
+  std::vector<char> alive_, is_new_;
+  std::vector<Index> free_;  ///< ids to be used again
+};
+
+/// What an edit that was kept has done: enough to undo it.
+struct SampleChange {
+  struct Removed {
+    Index id;
+    NewSample sample;
+    bool is_new;
+  };
+  std::vector<Removed> removed;
+  std::vector<Index> added;
+  /// Samples alive after the edit whose fragments or dual triangles may be others than before, ascending.
+  std::vector<Index> affected;
+};
+
+/// An edit. keep() or undo() ends it, once, and must do so before the next edit begins; it is not undone by its destructor,
+/// since undoing may fail for want of memory. If a member throws, diagram and samples are of no use any more.
+///
+/// After undo() the diagram has the same sites, cells and corners as before the edit, bit by bit, and the grid gives the same
+/// answers; samples and their ids are the same. (Fragments may be in other slots; ids that the edit has given out are free.)
+class SampleEdit {
+ public:
+  /// `removed`: samples to go. The grid forgets them at once, so that it can be asked what would fit in their place; the
+  /// diagram does in take_out().
+  SampleEdit(EditableSamples& samples, const std::vector<Index>& removed);
+
+  /// Takes those to go out of the diagram, before or after others enter. The diagram must not become empty.
+  void take_out();
+  /// Puts a sample in and returns its id. `near`: a sample in the diagram that is close to it.
+  Index enter(const NewSample& sample, Index near);
+  /// Takes those that have entered out again; others may enter in their place.
+  void withdraw();
+
+  const std::vector<SampleChange::Removed>& removed() const { return change_.removed; }
+  const std::vector<Index>& added() const { return change_.added; }
+  bool has_added(Index s) const;
+  /// Slots of fragments that were created, changed or freed so far, ascending, each once.
+  const std::vector<Index>& changed_fragments();
+  /// Samples alive now whose fragments or dual triangles may have changed so far, ascending, each once.
+  const std::vector<Index>& affected();
+
+  SampleChange keep();
+  void undo();
+
+  /// Undoes edits that were kept, the last one first; they must be the last ones of all. Returns the samples alive then that
+  /// they had affected, ascending. `changes` is empty then.
+  static std::vector<Index> undo_all(EditableSamples& samples, std::vector<SampleChange>& changes);
+
+ private:
+  SampleEdit(EditableSamples& samples, SampleChange&& change) : samples_(samples), change_(std::move(change)) {}
+
+  Index insert_site(const NewSample& sample, Index near);
+  void remove_site(Index s);
+  Index neighbor_that_stays() const;
+  void note_changed();
+
+  EditableSamples& samples_;
+  SampleChange change_;
+  std::vector<Index> changed_fragments_;
+};
+
+}  // namespace amps::detail

@@ -1,0 +1,35 @@
+// execution.h: threads, progress and cancelling of calls, set in one place for all kinds of options.
+#pragma once
+
+#include "basics.h"
+
+#include <utility>
+
+namespace amps_test {
+
+/// What a call takes to run on so many threads (0: as many as there are).
+inline unsigned on_threads(unsigned threads) { return threads; }
+
+template <class Options>
+void run_on(Options& options, unsigned threads) {
+  options.threads = threads;
+}
+
+/// `callback` is told where the call is; it cancels by returning false.
+template <class Options>
+void watch(Options& options, Progress::Callback callback) {
+  options.progress = Progress(std::move(callback));
+}
+
+/// Cancels a call before it begins.
+template <class Options>
+void cancel(Options& options) {
+  options.progress.cancel();
+}
+
+template <class Options>
+bool cancelled(const Options& options) {
+  return options.progress.cancelled();
+}
+
+}  // namespace amps_test

@@ -1,0 +1,340 @@
+// Edits of samples, diagram and grid against a plain list of samples, from which all three are made anew.
+#include "amps/sample_edit.h"
+
+#include "amps/maximality.h"
+#include "amps/sampling.h"
+#include "amps/shapes.h"
+#include "test_diagrams.h"
+#include "test_models.h"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+using amps::Index;
+using amps::kNone;
+using amps::Mesh;
+using amps::MeshView;
+using amps::RestrictedPowerDiagram;
+using amps::Rng;
+using amps::SampleSet;
+using amps::Vec3;
+using amps::detail::EditableSamples;
+using amps::detail::NewSample;
+using amps::detail::SampleChange;
+using amps::detail::SampleEdit;
+using amps::detail::VoxelGrid;
+
+namespace {
+
+std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+/// What there should be: the samples by id.
+struct Entry {
+  NewSample sample;
+  bool is_new;
+};
+using Expected = std::map<Index, Entry>;
+
+bool same_sample(const NewSample& a, const NewSample& b) {
+  return a.x == b.x && a.radius == b.radius && a.at.facet == b.at.facet && a.at.barycentric == b.at.barycentric;
+}
+
+NewSample random_sample(const Mesh& mesh, double radius, Rng& rng) {
+  const MeshView view(mesh);
+  NewSample sample;
+  sample.at = {static_cast<Index>(rng.below(static_cast<std::uint64_t>(view.num_facets()))), amps::uniform_barycentric(rng)};
+  for (int k = 0; k < 3; ++k) sample.x += sample.at.barycentric[k] * view.corner(sample.at.facet, k);
+  sample.radius = radius * (0.5 + rng.uniform());
+  return sample;
+}
+
+/// A diagram, made anew, with the ids that are expected.
+amps_test::CanonicalDiagram rebuilt(const Mesh& mesh, const Expected& expected) {
+  amps_test::Sites sites{amps::Points(static_cast<Index>(expected.size()), 3), Eigen::VectorXd(expected.size())};
+  std::vector<Index> ids;
+  for (const auto& [id, entry] : expected) {
+    const auto row = static_cast<Index>(ids.size());
+    sites.positions.row(row) = entry.sample.x.transpose();
+    sites.weights[row] = entry.sample.radius * entry.sample.radius;
+    ids.push_back(id);
+  }
+  amps_test::CanonicalDiagram result;
+  const RestrictedPowerDiagram diagram(mesh, sites.positions, sites.weights);
+  for (const auto& [key, polygon] : amps_test::canonical(diagram)) {
+    amps_test::Canonical& entry = result[{key.first, ids[at(key.second)]}];
+    // Ids rise with rows, so the least label stays the first.
+    entry = polygon;
+    for (Index& label : entry.labels) {
+      if (RestrictedPowerDiagram::is_site(label)) label = ids[at(label)];
+    }
+  }
+  return result;
+}
+
+/// Grid and set, asked and compared one by one.
+void check_samples(const Mesh& mesh, const EditableSamples& samples, const Expected& expected, double radius, Rng& rng) {
+  std::vector<Index> alive;
+  for (Index s = 0; s < samples.size(); ++s) {
+    if (samples.alive(s)) alive.push_back(s);
+  }
+  REQUIRE(alive.size() == expected.size());
+  for (const auto& [id, entry] : expected) {
+    REQUIRE(samples.alive(id));
+    CHECK(same_sample({samples.position(id), samples.at(id), samples.radius(id)}, entry.sample));
+    CHECK(samples.is_new(id) == entry.is_new);
+    CHECK(samples.diagram().site(id).w == entry.sample.radius * entry.sample.radius);
+  }
+  for (int query = 0; query < 20; ++query) {
+    const NewSample dart = random_sample(mesh, radius, rng);
+    bool conflict = false;
+    double nearest = INFINITY;
+    for (const auto& [id, entry] : expected) {
+      const double d = (entry.sample.x - dart.x).squaredNorm(), r = std::max(entry.sample.radius, dart.radius);
+      conflict = conflict || d < r * r;
+      nearest = std::min(nearest, d);
+    }
+    const Index found = samples.grid().conflicting_sample(dart.x, dart.radius, amps::ConflictRule::kMax);
+    CHECK((found != kNone) == conflict);
+    if (found != kNone) CHECK(expected.count(found) == 1);
+    const double by_grid = samples.grid().nearest_squared_distance(dart.x, 2 * radius);
+    if (nearest <= 4 * radius * radius) CHECK(by_grid == nearest);
+  }
+  std::vector<Index> ids;
+  const SampleSet set = samples.collect(ids);
+  REQUIRE(ids.size() == expected.size());
+  for (Index row = 0; row < set.size(); ++row) {
+    const Entry& entry = expected.at(ids[at(row)]);
+    CHECK(same_sample(
+        {set.positions.row(row).transpose(), {set.facets[at(row)], set.barycentrics.row(row).transpose()}, set.radii[row]},
+        entry.sample));
+    if (row == 0) continue;  // given ones first, each kind by id
+    const Entry& before = expected.at(ids[at(row - 1)]);
+    CHECK(std::make_pair(before.is_new, ids[at(row - 1)]) < std::make_pair(entry.is_new, ids[at(row)]));
+  }
+}
+
+/// Sites with other fragments in one of the two than in the other.
+std::set<Index> sites_that_differ(const amps_test::CanonicalDiagram& a, const amps_test::CanonicalDiagram& b) {
+  std::set<Index> sites;
+  for (const auto& [key, polygon] : a) {
+    const auto found = b.find(key);
+    if (found == b.end() || !(found->second == polygon)) sites.insert(key.second);
+  }
+  for (const auto& [key, polygon] : b) {
+    if (a.count(key) == 0) sites.insert(key.second);
+  }
+  return sites;
+}
+
+/// The state, and what it should be.
+class Session {
+ public:
+  Session(const Mesh& mesh, double radius, std::uint64_t seed)
+      : mesh_(mesh),
+        radius_(radius),
+        set_(set_of(mesh, radius)),
+        diagram_(amps::detail::diagram_of(mesh, set_, 1)),
+        samples_(diagram_, set_, VoxelGrid(amps::bounding_box(mesh), radius / 2, 3 * radius / 2)),
+        rng_(seed) {
+    for (Index s = 0; s < set_.size(); ++s) {
+      expected_[s] = {
+          {set_.positions.row(s).transpose(), {set_.facets[at(s)], set_.barycentrics.row(s).transpose()}, set_.radii[s]},
+          false};
+    }
+  }
+
+  enum class End { kKeep, kUndo };
+
+  /// A random edit, in one of the orders that are allowed, and all that can be said of it.
+  SampleChange edit(End end) {
+    const amps_test::CanonicalDiagram before = amps_test::canonical(diagram_);
+    Expected after = expected_;
+    std::vector<Index> removed;
+    for (auto n = rng_.below(4); n > 0 && removed.size() + 2 < expected_.size(); --n) {
+      const Index s = std::next(expected_.begin(), static_cast<std::ptrdiff_t>(rng_.below(expected_.size())))->first;
+      if (after.erase(s) != 0) removed.push_back(s);
+    }
+    SampleEdit edit(samples_, removed);
+    for (const Index s : removed) {
+      const NewSample& gone = expected_.at(s).sample;
+      const Index near = samples_.grid().conflicting_sample(gone.x, 0, amps::ConflictRule::kMax);
+      CHECK(std::find(removed.begin(), removed.end(), near) == removed.end());
+    }
+    const bool first_out = rng_.below(2) == 0, in_diagram = end == End::kKeep || rng_.below(4) != 0;
+    if (first_out && in_diagram) edit.take_out();
+    if (rng_.below(3) == 0) {
+      enter(edit, nullptr);
+      edit.withdraw();
+      CHECK(edit.added().empty());
+    }
+    enter(edit, &after);
+    if (!first_out && in_diagram) edit.take_out();
+    if (end == End::kUndo) {
+      edit.undo();
+      CHECK(amps_test::canonical(diagram_) == before);
+      return {};
+    }
+    const amps_test::CanonicalDiagram now = amps_test::canonical(diagram_);
+    const std::set<Index> differ = sites_that_differ(before, now);
+    const std::vector<Index> fragments = edit.changed_fragments();
+    CHECK(std::is_sorted(fragments.begin(), fragments.end()));
+    SampleChange change = edit.keep();
+    expected_ = after;
+    CHECK(std::is_sorted(change.affected.begin(), change.affected.end()));
+    CHECK(std::adjacent_find(change.affected.begin(), change.affected.end()) == change.affected.end());
+    for (const Index s : change.affected) CHECK(expected_.count(s) == 1);
+    for (const Index s : differ) {
+      if (expected_.count(s) != 0) CHECK(std::binary_search(change.affected.begin(), change.affected.end(), s));
+    }
+    return change;
+  }
+
+  void check() {
+    CHECK(amps_test::canonical(diagram_) == rebuilt(mesh_, expected_));
+    check_samples(mesh_, samples_, expected_, radius_, rng_);
+  }
+
+  const Expected& expected() const { return expected_; }
+  void expect(const Expected& expected) { expected_ = expected; }
+  EditableSamples& samples() { return samples_; }
+  RestrictedPowerDiagram& diagram() { return diagram_; }
+  Rng& rng() { return rng_; }
+  double radius() const { return radius_; }
+  const Mesh& mesh() const { return mesh_; }
+
+ private:
+  static SampleSet set_of(const Mesh& mesh, double radius) {
+    amps::SamplingOptions options;
+    options.radius = radius;
+    return amps::sample(mesh, options).samples;
+  }
+
+  void enter(SampleEdit& edit, Expected* after) {
+    for (auto n = 1 + rng_.below(3); n > 0; --n) {
+      const NewSample sample = random_sample(mesh_, radius_, rng_);
+      const Index s = edit.enter(sample, kNone);
+      CHECK(edit.has_added(s));
+      CHECK(expected_.count(s) == 0);
+      if (after == nullptr) continue;
+      REQUIRE(after->count(s) == 0);
+      (*after)[s] = {sample, true};
+    }
+  }
+
+  Mesh mesh_;
+  double radius_;
+  SampleSet set_;
+  RestrictedPowerDiagram diagram_;
+  EditableSamples samples_;
+  Expected expected_;
+  Rng rng_;
+};
+
+std::vector<amps_test::NamedMesh> edit_meshes() {
+  return {{"sphere", amps::make_sphere(180)},
+          {"square", amps::make_square(3)},
+          {"soup", amps_test::random_soup(12, 11)},
+          {"book of 3 pages", amps_test::open_book(3)}};
+}
+
+}  // namespace
+
+TEST_CASE("sample_edit: after any edits diagram, grid and set are those of the samples that should be there") {
+  std::uint64_t seed = 1;
+  for (const auto& model : edit_meshes()) {
+    CAPTURE(model.name);
+    Session session(model.mesh, amps_test::radius_for(model.mesh, 60), seed++);
+    session.check();
+    for (int round = 0; round < 60; ++round) {
+      CAPTURE(round);
+      session.edit(session.rng().below(2) == 0 ? Session::End::kKeep : Session::End::kUndo);
+      session.check();
+    }
+    CHECK(session.diagram().check() == "");
+  }
+}
+
+TEST_CASE("sample_edit: a series of edits that were kept is undone as if it had never been") {
+  std::uint64_t seed = 101;
+  for (const auto& model : edit_meshes()) {
+    CAPTURE(model.name);
+    Session session(model.mesh, amps_test::radius_for(model.mesh, 60), seed++);
+    for (int round = 0; round < 12; ++round) {
+      CAPTURE(round);
+      session.edit(Session::End::kKeep);
+      const Expected before = session.expected();
+      const amps_test::CanonicalDiagram diagram = amps_test::canonical(session.diagram());
+      std::vector<SampleChange> series;
+      for (int k = 0; k < round; ++k) {
+        if (session.rng().below(4) == 0) session.edit(Session::End::kUndo);
+        series.push_back(session.edit(Session::End::kKeep));
+      }
+      const std::set<Index> differ = sites_that_differ(diagram, amps_test::canonical(session.diagram()));
+      const std::vector<Index> affected = SampleEdit::undo_all(session.samples(), series);
+      CHECK(series.empty());
+      session.expect(before);
+      CHECK(amps_test::canonical(session.diagram()) == diagram);
+      session.check();
+      for (const Index s : affected) CHECK(before.count(s) == 1);
+      for (const Index s : differ) {
+        if (before.count(s) != 0) CHECK(std::binary_search(affected.begin(), affected.end(), s));
+      }
+    }
+  }
+}
+
+TEST_CASE("sample_edit: ids are used again, those of undone edits too") {
+  const Mesh mesh = amps::make_sphere(180);
+  Session session(mesh, amps_test::radius_for(mesh, 60), 7);
+  for (int round = 0; round < 200; ++round) session.edit(round % 2 == 0 ? Session::End::kUndo : Session::End::kKeep);
+  const auto alive = static_cast<Index>(session.expected().size());
+  // At most as many ids as there ever were samples at a time: what one edit removes and adds comes on top.
+  CHECK(session.samples().size() < alive + 200);
+  CHECK(session.samples().size() == session.diagram().num_sites());
+  CHECK(session.diagram().num_sites() - session.diagram().num_removed() == alive);
+}
+
+TEST_CASE("sample_edit: disks are apart if no centre is in another disk, samples that go not counted") {
+  const Mesh mesh = amps::make_square(3);
+  Session session(mesh, amps_test::radius_for(mesh, 60), 9);
+  int apart = 0, close = 0;
+  for (int round = 0; round < 3000; ++round) {
+    std::vector<Index> removed;
+    Expected left = session.expected();
+    const Vec3 centre = random_sample(mesh, session.radius(), session.rng()).x;
+    for (const auto& [id, entry] : session.expected()) {
+      if ((entry.sample.x - centre).norm() < 1.5 * session.radius()) removed.push_back(id);
+    }
+    for (const Index s : removed) left.erase(s);
+    std::vector<NewSample> disks;
+    for (int k = 0; k < 2; ++k) {
+      disks.push_back(random_sample(mesh, 0.5 * session.radius(), session.rng()));
+      if (round % 2 == 0) {
+        disks.back().x = centre + session.radius() * Vec3(session.rng().uniform() - 0.5, session.rng().uniform() - 0.5, 0);
+      }
+    }
+    bool expected = true;
+    const auto keeps_apart = [](const NewSample& a, const NewSample& b) {
+      const double r = std::max(a.radius, b.radius);
+      return !((a.x - b.x).squaredNorm() < r * r);
+    };
+    for (const NewSample& disk : disks) {
+      for (const auto& [id, entry] : left) expected = expected && keeps_apart(disk, entry.sample);
+    }
+    expected = expected && keeps_apart(disks[0], disks[1]);
+    SampleEdit edit(session.samples(), removed);
+    CHECK(session.samples().are_apart(disks) == expected);
+    edit.undo();
+    ++(expected ? apart : close);
+  }
+  CHECK(apart > 100);
+  CHECK(close > 100);
+  session.check();
+}
