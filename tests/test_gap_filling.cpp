@@ -1,4 +1,8 @@
 #include "amps/gap_filling.h"
+
+#include "kit/maximality.h"
+#include "kit/samples.h"
+
 #include "amps/maximality.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
@@ -10,14 +14,10 @@
 #include <cstddef>
 #include <vector>
 
-using amps::ConflictRule;
-using amps::Index;
-using amps::Mesh;
+namespace amps_test {
+
 using amps::RestrictedPowerDiagram;
-using amps::Rng;
-using amps::SampleSet;
 using amps::SurfacePoint;
-using amps::Vec3;
 using amps::detail::GapFiller;
 using amps::detail::GapFilling;
 using amps::detail::GapFillLimits;
@@ -27,13 +27,11 @@ using amps::detail::WantedRadii;
 
 namespace {
 
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
 /// A set that is edited as optimisation edits its own: diagram, grid and samples by id, ids used again.
 class EditedSet {
  public:
   EditedSet(const Mesh& mesh, const SampleSet& set, const WantedRadii& radii)
-      : diagram_(mesh, set.positions, set.radii.cwiseAbs2(), 1),
+      : diagram_(mesh, set.positions, squared(set.radii), on_threads(1)),
         grid_(amps::bounding_box(mesh), radii.min_of_set(), radii.max_of_set()) {
     for (Index s = 0; s < set.size(); ++s) {
       samples_.push_back(amps::detail::sample_of(set, s));
@@ -147,14 +145,14 @@ TEST_CASE("gap_filling: holes are filled where they are, by either rule, and the
         options.sizing = field;
       }
       const SampleSet start = amps::sample(mesh, options).samples;
-      const WantedRadii radii = wanted.beside(start.radii.minCoeff(), start.radii.maxCoeff());
+      const WantedRadii radii = wanted.beside(min_of(start.radii), max_of(start.radii));
       EditedSet set(mesh, start, radii);
       GapFiller filler(set.diagram(), set.grid(), radii);
       CHECK(!filler.has_gaps());
       Rng rng(3);
       std::vector<char> gone(at(start.size()), 0);
       for (int hole = 0; hole < 60; ++hole) {
-        Index s = static_cast<Index>(rng.below(at(start.size())));
+        Index s = below(rng, start.size());
         if (set.diagram().removed(s)) continue;
         for (const Index r : make_hole(set, filler, s, rng.below(4))) {
           if (r < start.size()) gone[at(r)] = 1;
@@ -177,11 +175,11 @@ TEST_CASE("gap_filling: holes are filled where they are, by either rule, and the
         CHECK(!filler.has_gaps());
         filler.forget();
       }
-      const amps::MaximalityReport certificate = amps::verify_maximal(mesh, set.finish(), 1, rule);
+      const amps::MaximalityReport certificate = certificate_of(mesh, set.finish(), rule);
       CHECK(certificate.maximal());
       CHECK(certificate.poisson_disk());
       for (Index s = 0; s < start.size(); ++s) {
-        if (!gone[at(s)]) REQUIRE(set[s].position() == start.positions.row(s).transpose());
+        if (!gone[at(s)]) REQUIRE(set[s].position() == sample_at(start, s));
       }
     }
   }
@@ -313,3 +311,5 @@ TEST_CASE("gap_filling: a whole surface can be filled from a diagram with remove
   CHECK(certificate.maximal());
   CHECK(certificate.poisson_disk());
 }
+
+}  // namespace amps_test

@@ -1,5 +1,7 @@
 #include "amps/mesh_edges.h"
 
+#include "kit/meshes.h"
+
 #include "amps/mesh.h"
 #include "amps/shapes.h"
 
@@ -9,16 +11,13 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <map>
 #include <set>
 #include <utility>
 #include <vector>
 
-using amps::Index;
-using amps::kNone;
-using amps::Mesh;
-using amps::Rng;
+namespace amps_test {
+
 using amps::detail::DistinctPoints;
 using amps::detail::EdgeSide;
 using amps::detail::MeshEdge;
@@ -30,16 +29,9 @@ namespace {
 /// Facets with corners at random: few vertices, so that edges have any number of facets, and indices repeat.
 Mesh random_facets(Index num_vertices, Index num_facets, std::uint64_t seed) {
   Rng rng(seed);
-  Mesh mesh;
-  mesh.vertices.resize(num_vertices, 3);
-  for (Index v = 0; v < num_vertices; ++v) {
-    for (int k = 0; k < 3; ++k) mesh.vertices(v, k) = rng.uniform();
-  }
-  mesh.triangles.resize(num_facets, 3);
-  for (Index f = 0; f < num_facets; ++f) {
-    for (int k = 0; k < 3; ++k) mesh.triangles(f, k) = static_cast<Index>(rng.below(static_cast<std::uint64_t>(num_vertices)));
-  }
-  return mesh;
+  const Points vertices = made_points(num_vertices, [&rng](Index) { return random_point(rng); });
+  const auto corner = [&] { return below(rng, num_vertices); };
+  return {vertices, made_triangles(num_facets, [&](Index) { return Corners{corner(), corner(), corner()}; })};
 }
 
 std::vector<char> random_flags(std::size_t n, double share, std::uint64_t seed) {
@@ -53,7 +45,7 @@ using SidesByEdge = std::map<std::pair<Index, Index>, std::vector<std::array<Ind
 
 SidesByEdge brute_sides(const Mesh& mesh, const std::vector<char>& counted) {
   SidesByEdge result;
-  for (Index f = 0; f < mesh.triangles.rows(); ++f) {
+  for (Index f = 0; f < rows(mesh.triangles); ++f) {
     if (!counted.empty() && counted[static_cast<std::size_t>(f)] == 0) continue;
     for (Index k = 0; k < 3; ++k) {
       const Index a = mesh.triangles(f, k), b = mesh.triangles(f, (k + 1) % 3);
@@ -64,10 +56,10 @@ SidesByEdge brute_sides(const Mesh& mesh, const std::vector<char>& counted) {
 }
 
 void require_same_sides(const Mesh& mesh, const std::vector<char>& counted) {
-  const MeshEdges edges(mesh.triangles, static_cast<Index>(mesh.vertices.rows()), counted);
+  const MeshEdges edges(mesh.triangles, rows(mesh.vertices), counted);
   const SidesByEdge wanted = brute_sides(mesh, counted);
   REQUIRE(edges.size() == wanted.size());
-  REQUIRE(edges.num_corners() == 3 * static_cast<std::size_t>(mesh.triangles.rows()));
+  REQUIRE(edges.num_corners() == 3 * at(rows(mesh.triangles)));
   const std::vector<std::size_t> edge_of_side = edges.edge_of_sides();
   std::size_t e = 0, sides = 0;
   for (const auto& [ends, list] : wanted) {  // a map: by lower, then by higher vertex
@@ -100,7 +92,7 @@ void require_same_sides(const Mesh& mesh, const std::vector<char>& counted) {
 /// Labels go round until nothing changes: corners of one vertex whose facets share an edge at it that is not cut.
 std::vector<std::size_t> brute_fans(const Mesh& mesh, const std::vector<char>& counted,
                                     const std::set<std::pair<Index, Index>>& cut) {
-  const std::size_t n = 3 * static_cast<std::size_t>(mesh.triangles.rows());
+  const std::size_t n = 3 * at(rows(mesh.triangles));
   const auto vertex = [&](std::size_t c) { return mesh.triangles(static_cast<Index>(c / 3), static_cast<Index>(c % 3)); };
   const auto in_facet = [](std::size_t c, std::size_t step) { return c - c % 3 + (c % 3 + step) % 3; };
   std::vector<std::size_t> label(n);
@@ -140,10 +132,9 @@ TEST_CASE("mesh_edges: each edge has the sides that lie on it, in the order of f
   require_same_sides(amps::make_sphere(320), {});
   require_same_sides(amps::make_square(6), {});
   // A vertex with more edges than are sorted by insertion.
-  Mesh star;
-  star.vertices.setZero(101, 3);
-  star.triangles.resize(100, 3);
-  for (Index f = 0; f < 100; ++f) star.triangles.row(f) << (f + 1) % 100 + 1, 0, (37 * f) % 100 + 1;
+  const Mesh star{constant_points(101, 0), made_triangles(100, [](Index f) {
+                    return Corners{(f + 1) % 100 + 1, 0, (37 * f) % 100 + 1};
+                  })};
   require_same_sides(star, {});
 }
 
@@ -225,7 +216,7 @@ TEST_CASE("mesh_edges: equal positions are one point, exactly; −0 equals 0, Na
   DistinctPoints points;
   std::map<std::array<double, 3>, Index> wanted;
   for (int i = 0; i < 5000; ++i) {
-    amps::Vec3 x;
+    Vec3 x;
     for (int k = 0; k < 3; ++k) {
       x[k] = 0.1 * (static_cast<double>(rng.below(12)) - 6);
       if (rng.below(4) == 0) x[k] = -x[k];                                                           // −0 at times
@@ -238,26 +229,26 @@ TEST_CASE("mesh_edges: equal positions are one point, exactly; −0 equals 0, Na
   REQUIRE(points.size() == static_cast<Index>(wanted.size()));
   REQUIRE(points.coordinates().size() == 3 * wanted.size());
 
-  const double nan = std::numeric_limits<double>::quiet_NaN();
   Index alone = 0;  // a search among those before would never end
-  for (Index i = 0; i < 1'000'000; ++i)
-    alone += points.find_or_add({0, nan, 0}) == static_cast<Index>(wanted.size()) + i ? 1 : 0;
+  for (Index i = 0; i < 1'000'000; ++i) alone += points.find_or_add({0, kNaN, 0}) == static_cast<Index>(wanted.size()) + i ? 1 : 0;
   CHECK(alone == 1'000'000);
-  CHECK(points.find_or_add(amps::Vec3(0, -0.0, 0)) == wanted.at({0, 0, 0}));
+  CHECK(points.find_or_add(Vec3(0, -0.0, 0)) == wanted.at({0, 0, 0}));
 }
 
 TEST_CASE("mesh_edges: a vertex is told the first of equal position") {
   Mesh mesh = random_facets(400, 1, 11);
   Rng rng(5);
   for (Index v = 0; v < 400; ++v) {
-    if (rng.below(3) == 0) mesh.vertices.row(v) = mesh.vertices.row(static_cast<Index>(rng.below(400)));
-    if (rng.below(50) == 0) mesh.vertices(v, 1) = std::numeric_limits<double>::quiet_NaN();
+    if (rng.below(3) == 0) mesh.vertices.row(v) = point_at(mesh.vertices, below(rng, 400)).transpose();
+    if (rng.below(50) == 0) mesh.vertices(v, 1) = kNaN;
   }
   const std::vector<Index> first = amps::detail::first_equal_vertices(mesh);
   REQUIRE(first.size() == 400);
   for (Index v = 0; v < 400; ++v) {
     Index wanted = v;
-    for (Index u = v - 1; u >= 0; --u) wanted = mesh.vertices.row(u) == mesh.vertices.row(v) ? u : wanted;
+    for (Index u = v - 1; u >= 0; --u) wanted = point_at(mesh.vertices, u) == point_at(mesh.vertices, v) ? u : wanted;
     CHECK(first[static_cast<std::size_t>(v)] == wanted);
   }
 }
+
+}  // namespace amps_test

@@ -1,7 +1,8 @@
 // Coverage: the sign of the power at symbolic vertices, by its laws, and what it says about a diagram. (Against exact
 // rationals: cgal_predicates_coverage.cpp.)
 #include "amps/predicates.h"
-#include "test_diagrams.h"
+
+#include "kit/diagrams.h"
 
 #include <doctest/doctest.h>
 
@@ -16,20 +17,12 @@
 #include <utility>
 #include <vector>
 
+namespace amps_test {
+
 using amps::Bisector;
-using amps::Index;
-using amps::Mesh;
-using amps::MeshView;
-using amps::Rng;
 using amps::Stage;
 using amps::StageTally;
-using amps::Vec3;
-using amps::WeightedPoint;
 using amps::detail::PowerFilter;
-using amps_test::Diagram;
-using amps_test::mesh_of;
-using amps_test::Sites;
-using amps_test::sites_of;
 
 namespace {
 
@@ -266,7 +259,6 @@ TEST_CASE("coverage: the filter on coordinates is never wrong within its error, 
 }
 
 TEST_CASE("coverage: the filter on coordinates at the ends of the range of doubles") {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const WeightedPoint unit{0, 0, 0, 1};
   CHECK(PowerFilter(unit, 0).side(Vec3(1, 0, 0)) == 0);
   CHECK(PowerFilter(unit, 0).side(Vec3(2, 0, 0)) == 1);
@@ -332,15 +324,15 @@ TEST_CASE("coverage: a square grid is covered from half its diagonal on, and not
   for (int x = 0; x < n; ++x) {
     for (int y = 0; y < n; ++y) positions.emplace_back(x + 0.5, y + 0.5, 0.0);
   }
-  Sites sites = sites_of(positions);
-  sites.weights.setConstant(0.5);
-  const Signs exactly = count_signs(Diagram(square, sites.positions, sites.weights));
+  const auto signs_at = [&](double weight) {
+    const Sites sites = sites_of(points_of(positions), weight);
+    return count_signs(Diagram(square, sites.positions, sites.weights));
+  };
+  const Signs exactly = signs_at(0.5);
   CHECK(exactly.uncovered == 0);
   CHECK(exactly.on_sphere >= 4 * n * n);
-  sites.weights.setConstant(std::nextafter(0.5, 0.0));
-  CHECK(count_signs(Diagram(square, sites.positions, sites.weights)).uncovered == exactly.on_sphere);
-  sites.weights.setConstant(std::nextafter(0.5, 1.0));
-  const Signs more = count_signs(Diagram(square, sites.positions, sites.weights));
+  CHECK(signs_at(std::nextafter(0.5, 0.0)).uncovered == exactly.on_sphere);
+  const Signs more = signs_at(std::nextafter(0.5, 1.0));
   CHECK(more.uncovered + more.on_sphere == 0);
 }
 
@@ -390,3 +382,5 @@ TEST_CASE("coverage: a facet is covered iff no vertex of its fragments is uncove
   CHECK(covered > 50);
   CHECK(gaps > 50);
 }
+
+}  // namespace amps_test

@@ -1,4 +1,8 @@
 #include "amps/samples.h"
+
+#include "kit/meshes.h"
+#include "kit/samples.h"
+
 #include "amps/sampling.h"
 #include "amps/shapes.h"
 #include "amps/sizing.h"
@@ -9,15 +13,9 @@
 #include <cstddef>
 #include <vector>
 
-using amps::ConflictRule;
-using amps::Index;
-using amps::kNone;
-using amps::Mesh;
-using amps::Points;
-using amps::SampleSet;
-using amps::SamplingOptions;
+namespace amps_test {
+
 using amps::SurfacePoint;
-using amps::Vec3;
 using amps::detail::GrowingSet;
 
 namespace {
@@ -26,7 +24,7 @@ namespace {
 int not_derived(const Mesh& mesh, const SampleSet& set, Index first = 0) {
   int result = 0;
   for (Index s = first; s < set.size(); ++s) {
-    const Index facet = set.facets[static_cast<std::size_t>(s)];
+    const Index facet = facet_of(set, s);
     for (int axis = 0; axis < 3; ++axis) {
       double term[3];
       for (int k = 0; k < 3; ++k) term[k] = set.barycentrics(s, k) * mesh.vertices(mesh.triangles(facet, k), axis);
@@ -46,8 +44,7 @@ SampleSet every_second(const SampleSet& set) {
 }  // namespace
 
 TEST_CASE("samples: every position is derived from facet and barycentrics, bit for bit") {
-  Mesh torus = amps::make_torus();
-  torus.vertices.rowwise() += Eigen::RowVector3d(1.0 / 3, -100.0 / 7, 1e3);  // coordinates that do not fit in few bits
+  const Mesh torus = moved(amps::make_torus(), {1.0 / 3, -100.0 / 7, 1e3});  // coordinates that do not fit in few bits
   for (const Mesh& mesh : {torus, amps::make_cube(3)}) {
     const double size = amps::bounding_box(mesh).diagonal();
     const amps::SizingField varying = amps::function_sizing(mesh, [&](const SurfacePoint& at) {
@@ -79,13 +76,10 @@ TEST_CASE("samples: every position is derived from facet and barycentrics, bit f
 }
 
 TEST_CASE("samples: the point below a point of a facet is that point, and derived as all are") {
-  amps::Rng rng(2);
+  Rng rng(2);
   for (int trial = 0; trial < 2000; ++trial) {
-    Mesh mesh;
-    mesh.vertices.resize(3, 3);
-    mesh.triangles.resize(1, 3);
-    mesh.triangles.row(0) << 0, 1, 2;
-    for (int v = 0; v < 3; ++v) mesh.vertices.row(v) << rng.uniform(), rng.uniform(), 100 + rng.uniform();
+    const Points corners = made_points(3, [&rng](Index) { return Vec3{rng.uniform(), rng.uniform(), 100 + rng.uniform()}; });
+    const Mesh mesh{corners, triangles_of({{0, 1, 2}})};
     const SurfacePoint at = amps::detail::surface_point_at(mesh, 0, amps::uniform_barycentric(rng));
     const SurfacePoint below = amps::detail::surface_point_below(mesh, 0, at.position);
     REQUIRE(below.facet == 0);
@@ -96,20 +90,15 @@ TEST_CASE("samples: the point below a point of a facet is that point, and derive
   }
   // Beside the facet: its nearest barycentrics that are not negative.
   const Mesh square = amps::make_square(1);
-  const SurfacePoint outside = amps::detail::surface_point_below(
-      square, 0, square.vertices.row(square.triangles(0, 0)).transpose() + Vec3(-1e-3, -1e-3, 0));
+  const SurfacePoint outside =
+      amps::detail::surface_point_below(square, 0, MeshView(square).corner(0, 0) + Vec3(-1e-3, -1e-3, 0));
   CHECK(outside.barycentric.minCoeff() >= 0);
 }
 
 TEST_CASE("samples: a growing set keeps what it is given, and takes a new order") {
-  SampleSet set;
-  set.positions.resize(3, 3);
-  set.positions << 1, 2, 3, 4, 5, 6, 7, 8, 9;
-  set.radii.resize(3);
-  set.radii << 0.1, 0.2, 0.3;
+  SampleSet set = bare_set(points_of({{1, 2, 3}, {4, 5, 6}, {7, 8, 9}}), values_of({0.1, 0.2, 0.3}));
   set.facets = {5, 6, 7};
-  set.barycentrics.resize(3, 3);
-  set.barycentrics << 0.5, 0.25, 0.25, 1, 0, 0, 0, 0.5, 0.5;
+  set.barycentrics = points_of({{0.5, 0.25, 0.25}, {1, 0, 0}, {0, 0.5, 0.5}});
   GrowingSet growing;
   growing.add_all(set);
   growing.reorder({2, 0, 1});
@@ -117,19 +106,19 @@ TEST_CASE("samples: a growing set keeps what it is given, and takes a new order"
   const Index order[] = {2, 0, 1};
   REQUIRE(result.size() == 3);
   for (Index s = 0; s < 3; ++s) {
-    CHECK(result.positions.row(s) == set.positions.row(order[s]));
+    CHECK(sample_at(result, s) == sample_at(set, order[s]));
     CHECK(result.radii[s] == set.radii[order[s]]);
-    CHECK(result.facets[static_cast<std::size_t>(s)] == set.facets[static_cast<std::size_t>(order[s])]);
-    CHECK(result.barycentrics.row(s) == set.barycentrics.row(order[s]));
+    CHECK(facet_of(result, s) == facet_of(set, order[s]));
+    CHECK(barycentric_of(result, s) == barycentric_of(set, order[s]));
     CHECK(growing[s].position() == growing.position(s));
-    CHECK(growing[s].at.facet == result.facets[static_cast<std::size_t>(s)]);
+    CHECK(growing[s].at.facet == facet_of(result, s));
   }
 
-  set.facets.clear();
-  set.barycentrics.resize(0, 3);
   GrowingSet unplaced;
-  unplaced.add_all(set);
+  unplaced.add_all(bare_set(set.positions, set.radii));
   CHECK(unplaced.finish().facets == std::vector<Index>(3, kNone));
-  CHECK(unplaced.finish().barycentrics == Points::Zero(3, 3));
-  CHECK(unplaced.finish().positions == set.positions);
+  CHECK(same_values(unplaced.finish().barycentrics, constant_points(3, 0)));
+  CHECK(same_bits(unplaced.finish().positions, set.positions));
 }
+
+}  // namespace amps_test

@@ -6,6 +6,7 @@
 #include "kit/meshes.h"
 #include "kit/samples.h"
 
+#include "amps/maximality.h"
 #include "amps/remesh.h"
 
 #include <doctest/doctest.h>

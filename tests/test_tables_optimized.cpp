@@ -5,6 +5,7 @@
 #include "kit/pair_correlation.h"
 #include "kit/samples.h"
 
+#include "amps/maximality.h"
 #include "amps/quality.h"
 #include "amps/remesh.h"
 #include "amps/sampling.h"

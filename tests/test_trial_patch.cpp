@@ -4,6 +4,7 @@
 #include "kit/models.h"
 #include "kit/samples.h"
 
+#include "amps/maximality.h"
 #include "amps/remesh.h"
 #include "amps/sampling.h"
 

@@ -1,4 +1,8 @@
 #include "amps/wanted_radii.h"
+
+#include "kit/random.h"
+#include "kit/samples.h"
+
 #include "amps/predicates.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
@@ -9,14 +13,9 @@
 #include <cmath>
 #include <limits>
 
-using amps::ConflictRule;
-using amps::Index;
-using amps::Mesh;
-using amps::Rng;
-using amps::SamplingOptions;
-using amps::SizingField;
+namespace amps_test {
+
 using amps::SurfacePoint;
-using amps::Vec3;
 using amps::detail::Sample;
 using amps::detail::WantedRadii;
 
@@ -63,7 +62,7 @@ TEST_CASE("wanted_radii: one radius, a field that is the same everywhere, a fiel
     CHECK(radii.beside(0.2, 0.9).max_of_set() == 0.9);
     Rng rng(1);
     for (int trial = 0; trial < 100; ++trial) {
-      const auto facet = static_cast<Index>(rng.below(static_cast<std::uint64_t>(square.triangles.rows())));
+      const auto facet = below(rng, rows(square.triangles));
       const SurfacePoint at = amps::detail::surface_point_at(square, facet, amps::uniform_barycentric(rng));
       CHECK(radii.at(at) == varying.radius(at));
       const double ratio = 0.1 / varying.radius(at);
@@ -126,8 +125,8 @@ TEST_CASE("wanted_radii: the report's radius is the one wanted for all new sampl
   CHECK(amps::fill_gaps(mesh, uniform.samples, options).report.radius == 0.06);
   options.target_count = 300;
   const amps::SamplingResult counted = amps::sample(mesh, options);
-  CHECK(counted.report.radius == counted.samples.radii.minCoeff());
-  CHECK(counted.report.radius == counted.samples.radii.maxCoeff());
+  CHECK(counted.report.radius == min_of(counted.samples.radii));
+  CHECK(counted.report.radius == max_of(counted.samples.radii));
   options.target_count = 0;
 
   options.sizing = amps::uniform_sizing(mesh, 0.04);
@@ -147,3 +146,5 @@ TEST_CASE("wanted_radii: the report's radius is the one wanted for all new sampl
   CHECK(amps::throw_darts(mesh, options).report.radius == 0);
   CHECK(amps::fill_gaps(mesh, uniform.samples, options).report.radius == 0);
 }
+
+}  // namespace amps_test

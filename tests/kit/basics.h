@@ -15,7 +15,6 @@ using amps::kNone;
 using amps::Mesh;
 using amps::MeshView;
 using amps::Points;
-using amps::Progress;
 using amps::Rng;
 using amps::Outcome;
 using amps::Triangles;

@@ -3,9 +3,13 @@
 
 #include "basics.h"
 
+#include "amps/execution.h"
+
 #include <utility>
 
 namespace amps_test {
+
+using amps::Progress;
 
 /// What a call takes to run on so many threads (0: as many as there are).
 inline unsigned on_threads(unsigned threads) { return threads; }

@@ -5,6 +5,8 @@
 #include "execution.h"
 #include "samples.h"
 
+#include "amps/maximality.h"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
