@@ -16,12 +16,14 @@
 //   amps::write_mesh("bunny_12k.obj", result.mesh);
 //
 // No global state, nothing printed, no exit; the same input, options and seed give the same bits on any platform and any number
-// of threads. Bad input throws amps::Error. Buffers are taken as Eigen views: map your own, nothing is copied.
+// of threads. Bad input throws amps::Error. Buffers are taken as views of your own, in float or double, row by row,
+// interleaved or by columns: nothing is copied.
 //
 // Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
 //
 //   contraction.h    (internal) no fused multiply-add in amps's own sources
 //   base.h           vectors and indices, Error, Rng
+//   buffers.h        plain tables that results own, views of the caller's memory
 //   thread_pool.h    (internal) threads that are started once
 //   execution.h      Execution: threads, progress and cancelling of a call; parallel_for
 //   portable_math.h  (internal) angles; sine and logarithm with the same bits everywhere
@@ -72,6 +74,7 @@
 #define AMPS_VERSION_PATCH 0
 
 #include "amps/base.h"
+#include "amps/buffers.h"
 #include "amps/execution.h"
 #include "amps/predicates.h"
 #include "amps/mesh.h"

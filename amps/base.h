@@ -27,16 +27,6 @@ inline constexpr Index kNone = -1;
 
 using Vec3 = Eigen::Vector3d;
 
-/// #P by 3 list of positions, one row a point. Row-major, so a contiguous xyzxyz… buffer can be mapped without a copy.
-using Points = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
-
-/// #F by 3 list of vertex indices, one row a triangle, zero-based, counter-clockwise seen from outside.
-using Triangles = Eigen::Matrix<Index, Eigen::Dynamic, 3, Eigen::RowMajor>;
-
-/// Read-only views; an `Eigen::Map<const Points>` over a caller's buffer binds to them without a copy.
-using PointsView = Eigen::Ref<const Points>;
-using TrianglesView = Eigen::Ref<const Triangles>;
-
 /// What went wrong, for programs; `Error::what()` says what, where and what to do, for people.
 enum class ErrorCode {
   kInvalidArgument,  ///< an option or argument out of its range

@@ -77,15 +77,13 @@ Index GapFiller::leaf(Index f) {
 
 void GapFiller::look_at_all() {
   std::vector<Index> sites;
-  std::vector<double> positions;
+  std::vector<Vec3> positions;
   for (Index s = 0; s < diagram_.num_sites(); ++s) {
     if (diagram_.removed(s)) continue;
-    const Vec3 x = diagram_.site(s).position();
     sites.push_back(s);
-    positions.insert(positions.end(), {x.x(), x.y(), x.z()});
+    positions.push_back(diagram_.site(s).position());
   }
-  const auto n = static_cast<Eigen::Index>(sites.size());
-  for (const Index k : curve_order(Eigen::Map<const Points>(positions.data(), n, 3))) {
+  for (const Index k : curve_order(positions)) {
     for (Index f = diagram_.first_of_site(sites[slot(k)]); f != kNone; f = diagram_.next_of_site(f)) leaf(f);
   }
   for (Index f = 0; f < diagram_.fragment_capacity(); ++f) {

@@ -18,8 +18,6 @@ constexpr double kSmallestDisk = 1e-14;
 /// Each dart in the primitives hits the gap with probability ≥ 1/2; all of these miss with probability 2^-64.
 constexpr int kGapSampleTries = 64;
 
-double gap_cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 /// Two unit vectors that make a right-handed orthonormal frame with the unit vector n (Duff et al., JCGT 6(1), 2017).
 void complete_gap_frame(const Vec3& n, Vec3& u, Vec3& v) {
   const double sign = std::copysign(1.0, n.z());
@@ -86,7 +84,7 @@ void FragmentGap::set_frame(const FragmentView& fragment, const Ball& ball, std:
   for (std::size_t k = 0; k < fragment.size; ++k) {
     const Vec3 d = (fragment.corners[k] - ball.centre) * to_frame;
     corners_[k] = {d.dot(axis_u_), d.dot(axis_v_)};
-    excess_[k] = corners_[k].squaredNorm() - disk_;
+    excess_[k] = corners_[k].squared_norm() - disk_;
   }
 }
 
@@ -98,9 +96,9 @@ FragmentGap::EdgeKind FragmentGap::edge_kind(std::size_t from, std::size_t to) c
   const Point& a = corners_[from];
   const Point& b = corners_[to];
   const Point d = b - a;
-  if (a.dot(d) >= 0 || b.dot(d) <= 0) return EdgeKind::kOutside;  // the nearest point to the centre is an end
-  const double c = gap_cross(a, d);
-  return c * c < disk_ * d.squaredNorm() ? EdgeKind::kThrough : EdgeKind::kOutside;
+  if (dot(a, d) >= 0 || dot(b, d) <= 0) return EdgeKind::kOutside;  // the nearest point to the centre is an end
+  const double c = cross(a, d);
+  return c * c < disk_ * d.squared_norm() ? EdgeKind::kThrough : EdgeKind::kOutside;
 }
 
 /// The first point on the circle from corner `outside` along the edge to `other`.
@@ -110,10 +108,10 @@ FragmentGap::Point FragmentGap::crossing(std::size_t outside, std::size_t other)
   const double length = d.norm();
   if (!(length > 0)) return a;
   const Point direction = d / length;
-  const double c = gap_cross(a, direction);
+  const double c = cross(a, direction);
   const double half_chord = std::sqrt(std::max(0.0, disk_ - c * c));
   // The smaller root of s² + 2s (a·direction) + excess, in the form that does not cancel.
-  const double denominator = half_chord - a.dot(direction);
+  const double denominator = half_chord - dot(a, direction);
   const double s = denominator > 0 ? std::min(excess_[outside] / denominator, length) : length;
   return a + s * direction;
 }
@@ -130,7 +128,7 @@ void FragmentGap::find_runs() {
   }
   if (first == n) {  // the boundary stays outside: it goes around the disk, or the disk lies beside the polygon
     for (std::size_t k = 0; k < n; ++k) {
-      if (gap_cross(corners_[k], corners_[next(k)]) < 0) return add_whole_polygon();
+      if (cross(corners_[k], corners_[next(k)]) < 0) return add_whole_polygon();
     }
     return add_ring();
   }
@@ -173,14 +171,14 @@ void FragmentGap::add_whole_polygon() {
 void FragmentGap::add_ring() {
   const std::size_t n = corners_.size();
   const Point& corner = corners_[farthest_];
-  const Point touch = corner * (radius_ / corner.norm());
+  const Point touch = (radius_ / corner.norm()) * corner;
   const auto at = [&](std::size_t k) -> const Point& { return corners_[(farthest_ + k) % n]; };
 
   std::size_t k = 2;  // the line leaves the polygon on the edge from corner k − 1 to corner k, counted from the farthest
-  while (k < n && gap_cross(corner, at(k)) > 0) ++k;
-  const double before = gap_cross(corner, at(k - 1));
-  const double after = gap_cross(corner, at(k));
-  const Point opposite = before > after ? Point(at(k - 1) + before / (before - after) * (at(k) - at(k - 1))) : at(k - 1);
+  while (k < n && cross(corner, at(k)) > 0) ++k;
+  const double before = cross(corner, at(k - 1));
+  const double after = cross(corner, at(k));
+  const Point opposite = before > after ? at(k - 1) + before / (before - after) * (at(k) - at(k - 1)) : at(k - 1);
 
   points_.push_back(touch);
   for (std::size_t i = 0; i < k; ++i) points_.push_back(at(i));
@@ -199,19 +197,19 @@ void FragmentGap::add_ring() {
 double FragmentGap::run_angle(std::size_t begin) const {
   const Point& start = points_[begin];
   const Point& end = points_.back();
-  const double cross = gap_cross(start, end - start);
-  const double dot = start.dot(end);
+  const double turned = cross(start, end - start);
+  const double along = dot(start, end);
   // Next to 0 and 2π the two ends cannot tell which it is. The run winds around the centre as the arc does, edge by edge at
   // most half a turn.
   constexpr double kAmbiguous = 1e-6;
-  if (dot > 0 && std::abs(cross) < kAmbiguous * disk_) {
+  if (along > 0 && std::abs(turned) < kAmbiguous * disk_) {
     double sum = 0;
     for (std::size_t k = begin; k + 1 < points_.size(); ++k) {
-      sum += std::atan2(gap_cross(points_[k], points_[k + 1]), points_[k].dot(points_[k + 1]));
+      sum += std::atan2(cross(points_[k], points_[k + 1]), dot(points_[k], points_[k + 1]));
     }
     return std::max(0.0, sum);
   }
-  const double angle = std::atan2(cross, dot);
+  const double angle = std::atan2(turned, along);
   return angle < 0 ? angle + 2 * kGapPi : angle;
 }
 
@@ -221,10 +219,10 @@ double FragmentGap::run_angle(std::size_t begin) const {
 void FragmentGap::add_run(std::size_t begin, double angle) {
   const std::size_t end = points_.size();
   const Point& origin = points_[begin + 1];  // a corner: near all of a tiny gap
-  double twice_area = gap_cross(points_[end - 1] - origin, points_[begin] - origin);
+  double twice_area = cross(points_[end - 1] - origin, points_[begin] - origin);
   double reach = 0;
   for (std::size_t k = begin + 1; k < end; ++k) {
-    if (k + 1 < end) twice_area += gap_cross(points_[k] - origin, points_[k + 1] - origin);
+    if (k + 1 < end) twice_area += cross(points_[k] - origin, points_[k + 1] - origin);
     reach = std::max(reach, points_[k].norm());
   }
   double area = 0.5 * (twice_area - disk_ * angle_minus_sine(angle));
@@ -272,7 +270,7 @@ void FragmentGap::cover_run(const Run& run) {
   std::size_t begin = 0;
   Point touch = points[0];
   for (int i = 1; i < chords; ++i) {
-    touch = Point(cosine * touch.x() - sine * touch.y(), sine * touch.x() + cosine * touch.y());
+    touch = {cosine * touch.x - sine * touch.y, sine * touch.x + cosine * touch.y};
     begin = cut_by_tangent(begin, touch);
   }
   add_fan(work_.data() + begin, work_.size() - begin);
@@ -281,7 +279,7 @@ void FragmentGap::cover_run(const Run& run) {
 /// work_[begin, …) is a convex polygon whose first and last point lie on the circle. Adds what lies beyond the tangent at
 /// `touch`, and what lies on its near side between the first point and `touch`. Leaves the rest, which starts with `touch`.
 std::size_t FragmentGap::cut_by_tangent(std::size_t begin, const Point& touch) {
-  const auto beyond = [&](std::size_t k) { return work_[k].dot(touch) - disk_; };
+  const auto beyond = [&](std::size_t k) { return dot(work_[k], touch) - disk_; };
   if (begin + 2 >= work_.size()) return begin;  // rounding has used the run up
   std::size_t top = begin + 1;
   for (std::size_t k = begin + 2; k + 1 < work_.size(); ++k) {
@@ -289,7 +287,7 @@ std::size_t FragmentGap::cut_by_tangent(std::size_t begin, const Point& touch) {
   }
   const Point first = work_[begin];
   if (!(beyond(top) > 0)) {  // an edge lies on the tangent: split it there
-    const std::size_t last = gap_cross(touch, work_[top]) < 0 ? top : top - 1;
+    const std::size_t last = cross(touch, work_[top]) < 0 ? top : top - 1;
     add_fan(work_.data() + begin, last - begin + 1);
     add_triangle(first, work_[last], touch);
     work_[last] = touch;
@@ -302,7 +300,7 @@ std::size_t FragmentGap::cut_by_tangent(std::size_t begin, const Point& touch) {
   while (high + 2 < work_.size() && beyond(high + 1) > 0) ++high;
   const auto on_tangent = [&](std::size_t near, std::size_t far) {
     const double near_side = std::min(0.0, beyond(near));
-    return Point(work_[near] + near_side / (near_side - beyond(far)) * (work_[far] - work_[near]));
+    return work_[near] + near_side / (near_side - beyond(far)) * (work_[far] - work_[near]);
   };
   const Point left = on_tangent(low - 1, low);
   const Point right = on_tangent(high + 1, high);
@@ -321,7 +319,7 @@ void FragmentGap::add_fan(const Point* points, std::size_t size) {
 }
 
 void FragmentGap::add_triangle(const Point& a, const Point& b, const Point& c) {
-  const double area = 0.5 * gap_cross(b - a, c - a);
+  const double area = 0.5 * cross(b - a, c - a);
   if (!(area > 0)) return;
   triangles_.push_back({a, b, c, area + (triangles_.empty() ? 0.0 : triangles_.back().area_up_to)});
 }

@@ -13,6 +13,7 @@
 #include "amps/samples.h"
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <vector>
 
@@ -84,7 +85,19 @@ class FragmentGap {
   Vec3 sample(Rng& rng);
 
  private:
-  using Point = Eigen::Vector2d;
+  /// In the frame. (Not Eigen::Vector2d, whose alignment depends on flags.)
+  struct Point {
+    double x = 0, y = 0;
+    friend Point operator+(const Point& a, const Point& b) { return {a.x + b.x, a.y + b.y}; }
+    friend Point operator-(const Point& a, const Point& b) { return {a.x - b.x, a.y - b.y}; }
+    friend Point operator-(const Point& a) { return {-a.x, -a.y}; }
+    friend Point operator*(double s, const Point& a) { return {s * a.x, s * a.y}; }
+    friend Point operator/(const Point& a, double s) { return {a.x / s, a.y / s}; }
+    friend double dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y; }
+    friend double cross(const Point& a, const Point& b) { return a.x * b.y - a.y * b.x; }
+    double squared_norm() const { return dot(*this, *this); }
+    double norm() const { return std::sqrt(squared_norm()); }
+  };
   /// A stretch of the polygon's boundary outside of the disk, points_[begin, end). With an arc, the first and last point lie
   /// on the circle and an arc of `angle` > 0 closes it; with angle 0 it is the whole polygon.
   struct Run {
@@ -113,7 +126,7 @@ class FragmentGap {
   std::size_t cut_by_tangent(std::size_t begin, const Point& touch);
   void add_fan(const Point* points, std::size_t size);
   void add_triangle(const Point& a, const Point& b, const Point& c);
-  Vec3 to_space(const Point& x) const { return origin_ + scale_ * (x.x() * axis_u_ + x.y() * axis_v_); }
+  Vec3 to_space(const Point& x) const { return origin_ + scale_ * (x.x * axis_u_ + x.y * axis_v_); }
 
   // The frame: coordinates in units of the ball's radius, the disk's centre at the origin.
   Vec3 axis_u_ = Vec3::UnitX(), axis_v_ = Vec3::UnitY();

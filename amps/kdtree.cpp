@@ -17,11 +17,9 @@ namespace detail {
 
 /// nanoflann's view of the points.
 struct KdPoints {
-  Points points;
-  std::size_t kdtree_get_point_count() const { return static_cast<std::size_t>(points.rows()); }
-  double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return points(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(axis));
-  }
+  std::vector<double> coordinates;
+  std::size_t kdtree_get_point_count() const { return coordinates.size() / 3; }
+  double kdtree_get_pt(std::size_t i, std::size_t axis) const { return coordinates[3 * i + axis]; }
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
     return false;  // let nanoflann compute it
@@ -117,7 +115,18 @@ struct KdTree::Impl {
   detail::KdPoints points;
   detail::KdIndex index;
 
-  explicit Impl(const PointsView& view) : points{view}, index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(10)) {}
+  static std::vector<double> coordinates_of(const PointsView& view) {
+    std::vector<double> result;
+    result.reserve(3 * static_cast<std::size_t>(view.rows()));
+    for (std::ptrdiff_t i = 0; i < view.rows(); ++i) {
+      const Vec3 x = view[i];
+      result.insert(result.end(), {x[0], x[1], x[2]});
+    }
+    return result;
+  }
+
+  explicit Impl(const PointsView& view)
+      : points{coordinates_of(view)}, index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(10)) {}
 };
 
 KdTree::KdTree(const PointsView& points) : impl_(std::make_unique<Impl>(points)) {}
@@ -126,7 +135,7 @@ KdTree::~KdTree() = default;
 KdTree::KdTree(KdTree&&) noexcept = default;
 KdTree& KdTree::operator=(KdTree&&) noexcept = default;
 
-Index KdTree::size() const { return static_cast<Index>(impl_->points.points.rows()); }
+Index KdTree::size() const { return static_cast<Index>(impl_->points.kdtree_get_point_count()); }
 
 KdTree::Neighbor KdTree::nearest(const Vec3& query) const {
   KdNearestOne one;

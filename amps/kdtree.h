@@ -3,6 +3,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/buffers.h"
 
 #include <memory>
 #include <vector>

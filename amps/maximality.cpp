@@ -8,7 +8,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <ostream>
+#include <utility>
 
 namespace amps {
 namespace detail {
@@ -69,9 +71,7 @@ class SeparationMeasure {
       if (!diagram_.removed(i)) sites.push_back(diagram_.site(i));
     }
     const auto n = static_cast<Index>(sites.size());
-    Points positions(n, 3);
-    for (Index i = 0; i < n; ++i) positions.row(i) = sites[slot(i)].position().transpose();
-    const KdTree tree(positions);
+    const KdTree tree(PointsView(&sites.data()->x, n, sizeof(WeightedPoint)));
     std::vector<KdTree::Neighbor> found;
     for (Index i = 0; i < n; ++i) {
       const WeightedPoint& p = sites[slot(i)];
@@ -97,7 +97,7 @@ class SeparationMeasure {
 
 RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, unsigned threads) {
   require_sample_set(samples);
-  return {mesh, samples.positions, samples.radii.cwiseAbs2(), threads};
+  return {mesh, samples.positions, weights_of(samples.radii), threads};
 }
 
 MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule) {
@@ -140,10 +140,9 @@ GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned thread
       result.facets.push_back(polygon.facet);
     }
   }
-  const Eigen::Index triangles = static_cast<Eigen::Index>(result.facets.size());
-  result.primitives.vertices = Eigen::Map<const Points>(corners.data(), 3 * triangles, 3);
-  result.primitives.triangles.resize(triangles, 3);
-  for (Index t = 0; t < triangles; ++t) result.primitives.triangles.row(t) << 3 * t, 3 * t + 1, 3 * t + 2;
+  std::vector<Index> rows(3 * result.facets.size());
+  std::iota(rows.begin(), rows.end(), Index{0});
+  result.primitives = {Points(std::move(corners)), Triangles(std::move(rows))};
   return result;
 }
 

@@ -43,7 +43,7 @@ bool facet_is_finite(const MeshView& mesh, Index f) {
 }
 
 void require_index_sizes(const MeshView& mesh) {
-  constexpr Eigen::Index limit = std::numeric_limits<Index>::max();
+  constexpr std::ptrdiff_t limit = std::numeric_limits<Index>::max();
   if (mesh.vertices.rows() > limit || mesh.triangles.rows() > limit) {
     throw Error(ErrorCode::kTooLarge, "mesh: more than 2^31 - 1 vertices or facets; cut it into parts");
   }
@@ -132,11 +132,11 @@ Mesh renumbered(const MeshView& mesh, const std::vector<Index>& keep) {
     if (keep[i] == static_cast<Index>(i)) number[i] = count++;
   }
   Mesh result;
-  result.vertices.resize(count, 3);
+  result.vertices.resize(count);
   for (std::size_t i = 0; i < keep.size(); ++i) {
-    if (number[i] != kNone) result.vertices.row(number[i]) = mesh.vertices.row(static_cast<Eigen::Index>(i));
+    if (number[i] != kNone) result.vertices.row(number[i]) = mesh.vertices[static_cast<std::ptrdiff_t>(i)].transpose();
   }
-  result.triangles.resize(mesh.num_facets(), 3);
+  result.triangles.resize(mesh.num_facets());
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     for (int k = 0; k < 3; ++k) {
       const Index target = keep[static_cast<std::size_t>(mesh.triangles(f, k))];
@@ -147,6 +147,17 @@ Mesh renumbered(const MeshView& mesh, const std::vector<Index>& keep) {
 }
 
 }  // namespace
+
+Mesh MeshView::copy() const {
+  Mesh result;
+  result.vertices.resize(vertices.rows());
+  for (std::ptrdiff_t v = 0; v < vertices.rows(); ++v) result.vertices.row(v) = vertices[v].transpose();
+  result.triangles.resize(triangles.rows());
+  for (std::ptrdiff_t f = 0; f < triangles.rows(); ++f) {
+    for (int k = 0; k < 3; ++k) result.triangles(f, k) = triangles(f, k);
+  }
+  return result;
+}
 
 void require_usable(const MeshView& mesh) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidMesh, "mesh: " + what); };
@@ -182,7 +193,7 @@ double total_area(const MeshView& mesh) {
 
 Points facet_normals(const MeshView& mesh) {
   require_indices(mesh);
-  Points normals = Points::Zero(mesh.num_facets(), 3);
+  Points normals(mesh.num_facets());
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     const Vec3 cross = facet_cross(mesh, f).cross;
     if (cross.squaredNorm() > 0) normals.row(f) = cross.stableNormalized().transpose();

@@ -2,9 +2,11 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/buffers.h"
 
 #include <cmath>
 #include <iosfwd>
+#include <utility>
 #include <vector>
 
 namespace amps {
@@ -15,19 +17,21 @@ struct Mesh {
   Triangles triangles;  ///< #F by 3
 };
 
-/// What functions take: a view of somebody's buffers, made from a Mesh or from two Eigen maps. Valid while the buffers are.
+/// What functions take: a view of somebody's buffers (buffers.h), made from a Mesh or from views of vertices and triangles,
+/// that is also from Eigen matrices of any storage order. Valid while the buffers are; a temporary Mesh is taken over.
 struct MeshView {
   PointsView vertices;
   TrianglesView triangles;
 
   MeshView(const Mesh& mesh) : vertices(mesh.vertices), triangles(mesh.triangles) {}  // NOLINT: implicit by design
-  MeshView(const PointsView& v, const TrianglesView& t) : vertices(v), triangles(t) {}
+  MeshView(Mesh&& mesh) : vertices(std::move(mesh.vertices)), triangles(std::move(mesh.triangles)) {}  // NOLINT
+  MeshView(PointsView v, TrianglesView t) : vertices(std::move(v)), triangles(std::move(t)) {}
 
   Index num_vertices() const { return static_cast<Index>(vertices.rows()); }
   Index num_facets() const { return static_cast<Index>(triangles.rows()); }
-  /// The three coordinates of a vertex, where they lie.
-  const double* position(Index v) const { return vertices.data() + v * vertices.outerStride(); }
-  Vec3 corner(Index facet, int k) const { return vertices.row(triangles(facet, k)).transpose(); }
+  Vec3 corner(Index facet, int k) const { return vertices[triangles(facet, k)]; }
+  /// A mesh of its own, with the facets' indices as they are.
+  Mesh copy() const;
 };
 
 /// A point on a mesh: `position` = Σ barycentric[k] · corner k of `facet`. Interpolate UVs, colours or weights with it.

@@ -96,7 +96,7 @@ std::vector<Index> fans_at_vertices(const TrianglesView& triangles, Index num_ve
   std::vector<Index> result(slot(num_vertices), 0);
   for (std::size_t c = 0; c < fans.size(); ++c) {
     if (fans[c] != c || (!counted.empty() && counted[c / 3] == 0)) continue;
-    ++result[slot(triangles(static_cast<Eigen::Index>(c / 3), static_cast<Eigen::Index>(c % 3)))];
+    ++result[slot(triangles(static_cast<std::ptrdiff_t>(c / 3), static_cast<int>(c % 3)))];
   }
   return result;
 }
@@ -148,7 +148,7 @@ std::vector<Index> first_equal_vertices(const MeshView& mesh) {
   first_of_point.reserve(n);
   for (std::size_t i = 0; i < n; ++i) {
     const auto v = static_cast<Index>(i);
-    const Index point = points.find_or_add(mesh.vertices.row(v).transpose());
+    const Index point = points.find_or_add(mesh.vertices[v]);
     if (slot(point) == first_of_point.size()) first_of_point.push_back(v);
     first[i] = first_of_point[slot(point)];
   }

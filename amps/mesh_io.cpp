@@ -18,7 +18,7 @@ namespace amps {
 namespace detail {
 namespace {
 
-// ---- OBJ ----
+// OBJ
 
 // One face; corner texts are v, v/t, v//n or v/t/n, 1-based or, if negative, counted back from the last vertex so far.
 void read_obj_face(TextCursor& text, std::int64_t num_vertices, std::vector<Index>& corners) {
@@ -73,7 +73,7 @@ Mesh parse_obj(const IoSource& source) {
   return builder.finish();
 }
 
-// ---- OFF ----
+// OFF
 
 struct OffHeader {
   std::int64_t vertices = 0, faces = 0;
@@ -230,7 +230,7 @@ Mesh parse_off(const IoSource& source) {
   return builder.finish();
 }
 
-// ---- PLY ----
+// PLY
 
 Mesh parse_ply(const IoSource& source) {
   PlyReader reader(source);
@@ -239,14 +239,14 @@ Mesh parse_ply(const IoSource& source) {
     source.fail("its vertices have no x, y and z; it is not a PLY mesh");
   }
   Mesh mesh = std::move(content.faces);
-  mesh.vertices = Eigen::Map<const Points>(content.values.data(), static_cast<Eigen::Index>(content.num_vertices), 3);
   for (std::size_t i = 0; i < content.at.size(); ++i) {
     if (!all_finite(content.values.data() + 3 * i)) reader.fail(content.at[i], kNotFinite);
   }
+  mesh.vertices = Points(std::move(content.values));
   return mesh;
 }
 
-// ---- STL ----
+// STL
 
 Mesh parse_ascii_stl(const IoSource& source) {
   MeshBuilder builder(source);
@@ -312,7 +312,7 @@ Mesh parse_binary_stl(const IoSource& source, std::int64_t facets) {
 Mesh parse_stl(const IoSource& source) {
   const auto size = static_cast<std::int64_t>(source.data.size());
   const std::int64_t facets = size < 84 ? -1 : load_bytes<std::uint32_t>(source.begin() + 80, false);
-  constexpr std::int64_t most = std::numeric_limits<Index>::max() / 3;
+  constexpr std::int64_t max_facets = std::numeric_limits<Index>::max() / 3;
   const bool exact_size = facets >= 0 && size == 84 + 50 * facets;
   TextCursor text(source);
   const bool says_solid = text.next_content() && equal_ignoring_case(text.token(), "solid");
@@ -324,25 +324,25 @@ Mesh parse_stl(const IoSource& source) {
                 " bytes can hold; the file is cut short or is not an STL file");
   }
   if (facets == 0 && size > 84) source.fail("its header promises no facet, but data follows; it is not an STL file");
-  if (facets > most) source.fail("more than 2^31 - 1 corners; cut it into parts", ErrorCode::kTooLarge);
+  if (facets > max_facets) source.fail("more than 2^31 - 1 corners; cut it into parts", ErrorCode::kTooLarge);
   return merge_equal_vertices(parse_binary_stl(source, facets));
 }
 
-// ---- Writing meshes ----
+// Writing meshes
 
 void require_writable(const MeshView& mesh, MeshFormat format) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidMesh, "mesh: " + what); };
-  const double most =
+  const double max_coordinate =
       format == MeshFormat::kStl ? static_cast<double>(std::numeric_limits<float>::max()) : std::numeric_limits<double>::max();
-  for (Eigen::Index v = 0; v < mesh.vertices.rows(); ++v) {
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
     for (int k = 0; k < 3; ++k) {
       const double x = std::abs(mesh.vertices(v, k));
-      if (x <= most) continue;  // false for NaN
+      if (x <= max_coordinate) continue;  // false for NaN
       fail("vertex " + std::to_string(v) + " (0-based) has a coordinate that is " +
            (std::isfinite(x) ? "too large for STL; write PLY, OBJ or OFF" : "NaN or infinite; correct it before writing"));
     }
   }
-  for (Eigen::Index f = 0; f < mesh.triangles.rows(); ++f) {
+  for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
     for (int k = 0; k < 3; ++k) {
       if (mesh.triangles(f, k) >= 0 && mesh.triangles(f, k) < mesh.vertices.rows()) continue;
       fail("facet " + std::to_string(f) + " (0-based) has a corner that is not a vertex; correct it before writing");
@@ -351,7 +351,7 @@ void require_writable(const MeshView& mesh, MeshFormat format) {
 }
 
 // "prefix a b c\n", with `offset` added to indices.
-void append_row(std::string& out, const char* prefix, const double* row) {
+void append_row(std::string& out, const char* prefix, const Vec3& row) {
   out += prefix;
   for (int k = 0; k < 3; ++k) {
     if (k > 0) out += ' ';
@@ -359,11 +359,11 @@ void append_row(std::string& out, const char* prefix, const double* row) {
   }
   out += '\n';
 }
-void append_row(std::string& out, const char* prefix, const Index* row, int offset) {
+void append_row(std::string& out, const char* prefix, const std::array<Index, 3>& row, int offset) {
   out += prefix;
   for (int k = 0; k < 3; ++k) {
     if (k > 0) out += ' ';
-    append_number(out, std::int64_t{row[k]} + offset);
+    append_number(out, std::int64_t{row[static_cast<std::size_t>(k)]} + offset);
   }
   out += '\n';
 }
@@ -391,16 +391,16 @@ std::string format_ply(const MeshView& mesh, bool ascii) {
   out += "\nproperty double x\nproperty double y\nproperty double z\nelement face " + std::to_string(mesh.triangles.rows());
   out += "\nproperty list uchar int vertex_indices\nend_header\n";
   if (!ascii) out.reserve(out.size() + static_cast<std::size_t>(24 * mesh.vertices.rows() + 13 * mesh.triangles.rows()));
-  for (Eigen::Index v = 0; v < mesh.vertices.rows(); ++v) {
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
     if (ascii) {
-      append_row(out, "", mesh.vertices.row(v).data());
+      append_row(out, "", mesh.vertices[v]);
     } else {
       for (int k = 0; k < 3; ++k) append_little_endian<std::uint64_t>(out, mesh.vertices(v, k));
     }
   }
-  for (Eigen::Index f = 0; f < mesh.triangles.rows(); ++f) {
+  for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
     if (ascii) {
-      append_row(out, "3 ", mesh.triangles.row(f).data(), 0);
+      append_row(out, "3 ", mesh.triangles[f], 0);
     } else {
       out += '\3';
       for (int k = 0; k < 3; ++k) append_little_endian<std::uint32_t>(out, mesh.triangles(f, k));
@@ -409,7 +409,7 @@ std::string format_ply(const MeshView& mesh, bool ascii) {
   return out;
 }
 
-// ---- Samples ----
+// Samples
 
 // Columns of a sample file, in the order amps writes them.
 const std::vector<std::string> kSampleColumns = {"x", "y", "z", "radius", "facet", "b0", "b1", "b2"};
@@ -436,15 +436,17 @@ struct SampleBuilder {
     if (n > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
       source.fail("more than 2^31 - 1 samples; cut it into parts", ErrorCode::kTooLarge);
     }
-    const auto stride = static_cast<Eigen::Index>(columns);
-    const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> table(
-        values.data(), static_cast<Eigen::Index>(n), stride);
     SampleSet samples;
-    samples.positions = table.leftCols<3>();
-    samples.radii = table.col(3);
-    if (columns == 8) {
-      samples.barycentrics = table.rightCols<3>();
-      for (std::size_t i = 0; i < n; ++i) samples.facets.push_back(static_cast<Index>(values[8 * i + 4]));
+    samples.positions.resize(static_cast<std::ptrdiff_t>(n));
+    if (columns == 8) samples.barycentrics.resize(static_cast<std::ptrdiff_t>(n));
+    for (std::size_t i = 0; i < n; ++i) {
+      const double* const row = values.data() + columns * i;
+      std::copy_n(row, 3, samples.positions.data() + 3 * i);
+      samples.radii.push_back(row[3]);
+      if (columns == 8) {
+        samples.facets.push_back(static_cast<Index>(row[4]));
+        std::copy_n(row + 5, 3, samples.barycentrics.data() + 3 * i);
+      }
     }
     return samples;
   }
@@ -554,7 +556,7 @@ SampleBuilder sample_rows(const SampleSet& samples, bool with_place) {
   const auto n = static_cast<std::size_t>(samples.positions.rows());
   const bool has_place = !samples.facets.empty();
   if (n == 0) fail("the set is empty; there is nothing to write");
-  if (static_cast<std::size_t>(samples.radii.size()) != n || (has_place && samples.facets.size() != n) ||
+  if (samples.radii.size() != n || (has_place && samples.facets.size() != n) ||
       static_cast<std::size_t>(samples.barycentrics.rows()) != (has_place ? n : 0)) {
     fail("positions, radii, facets and barycentrics differ in length; give one of each per sample");
   }
@@ -562,8 +564,8 @@ SampleBuilder sample_rows(const SampleSet& samples, bool with_place) {
   rows.columns = with_place && has_place ? 8 : 4;
   rows.values.reserve(n * rows.columns);
   for (std::size_t i = 0; i < n; ++i) {
-    const auto r = static_cast<Eigen::Index>(i);
-    double row[8] = {samples.positions(r, 0), samples.positions(r, 1), samples.positions(r, 2), samples.radii(r)};
+    const auto r = static_cast<std::ptrdiff_t>(i);
+    double row[8] = {samples.positions(r, 0), samples.positions(r, 1), samples.positions(r, 2), samples.radii[i]};
     if (rows.columns == 8) {
       row[4] = samples.facets[i];
       for (int k = 0; k < 3; ++k) row[5 + k] = samples.barycentrics(r, k);
@@ -633,9 +635,9 @@ std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWrite
   const bool obj = format == MeshFormat::kObj;
   std::string out;
   if (!obj) out = "OFF\n" + std::to_string(mesh.vertices.rows()) + ' ' + std::to_string(mesh.triangles.rows()) + " 0\n";
-  for (Eigen::Index v = 0; v < mesh.vertices.rows(); ++v) detail::append_row(out, obj ? "v " : "", mesh.vertices.row(v).data());
-  for (Eigen::Index f = 0; f < mesh.triangles.rows(); ++f) {
-    detail::append_row(out, obj ? "f " : "3 ", mesh.triangles.row(f).data(), obj ? 1 : 0);
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) detail::append_row(out, obj ? "v " : "", mesh.vertices[v]);
+  for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
+    detail::append_row(out, obj ? "f " : "3 ", mesh.triangles[f], obj ? 1 : 0);
   }
   return out;
 }
@@ -703,7 +705,7 @@ void write_samples(const std::filesystem::path& path, const SampleSet& samples) 
   detail::replace_file(path, format_samples(samples, sample_format(path)));
 }
 
-Eigen::VectorXd parse_values(std::string_view data, const std::string& name) {
+std::vector<double> parse_values(std::string_view data, const std::string& name) {
   const detail::IoSource source{data, name};
   detail::TextCursor cursor(source);
   std::vector<double> values;
@@ -715,26 +717,26 @@ Eigen::VectorXd parse_values(std::string_view data, const std::string& name) {
     values.push_back(value);
   }
   if (values.empty()) source.fail("no number in it; give one a vertex");
-  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+  return values;
 }
 
-Eigen::VectorXd parse_vertex_property(std::string_view data, const std::string& property, const std::string& name) {
+std::vector<double> parse_vertex_property(std::string_view data, const std::string& property, const std::string& name) {
   const detail::IoSource source{data, name};
   detail::PlyReader reader(source);
-  const detail::PlyContent content = reader.read({property});
+  detail::PlyContent content = reader.read({property});
   if (!content.found[0]) source.fail("its vertices have no property " + property);
   for (std::size_t i = 0; i < content.at.size(); ++i) {
     if (!std::isfinite(content.values[i]))
       reader.fail(content.at[i], "the property " + property + " is NaN or infinite; correct it");
   }
-  return Eigen::Map<const Eigen::VectorXd>(content.values.data(), static_cast<Eigen::Index>(content.values.size()));
+  return std::move(content.values);
 }
 
-Eigen::VectorXd read_vertex_property(const std::filesystem::path& path, const std::string& property) {
+std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property) {
   return parse_vertex_property(detail::read_whole_file(path), property, path.string());
 }
 
-Eigen::VectorXd read_values(const std::filesystem::path& path) {
+std::vector<double> read_values(const std::filesystem::path& path) {
   return parse_values(detail::read_whole_file(path), path.string());
 }
 

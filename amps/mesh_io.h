@@ -74,12 +74,13 @@ std::string format_samples(const SampleSet& samples, SampleFormat format);
 /// Reads numbers, any white space between, `#` comments skipped: one value a vertex, say, for vertex_sizing. Their count is for
 /// the user to compare. Throws Error: kFileNotFound, kFileFormat (something that is no finite number, naming the line; no
 /// number).
-Eigen::VectorXd read_values(const std::filesystem::path& path);
-Eigen::VectorXd parse_values(std::string_view data, const std::string& name = "memory");
+std::vector<double> read_values(const std::filesystem::path& path);
+std::vector<double> parse_values(std::string_view data, const std::string& name = "memory");
 
 /// A scalar property of the vertices of a PLY file, by its name ("quality", "radius", ...): one value a vertex. Throws as
 /// read_mesh, and kFileFormat if the vertices have no such property or a value is not finite.
-Eigen::VectorXd read_vertex_property(const std::filesystem::path& path, const std::string& property);
-Eigen::VectorXd parse_vertex_property(std::string_view data, const std::string& property, const std::string& name = "memory");
+std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property);
+std::vector<double> parse_vertex_property(std::string_view data, const std::string& property,
+                                          const std::string& name = "memory");
 
 }  // namespace amps

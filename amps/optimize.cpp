@@ -129,7 +129,7 @@ class EditFiller {
 
 /// A grid for the samples there are and those to come.
 VoxelGrid grid_for(const MeshView& mesh, const SampleSet& samples, const SizingField& sizing) {
-  double min = samples.radii.minCoeff(), max = samples.radii.maxCoeff();
+  double min = min_radius(samples), max = max_radius(samples);
   if (!sizing.empty()) {
     min = std::min(min, sizing.min_radius());
     max = std::max(max, sizing.max_radius());
@@ -151,7 +151,7 @@ struct OptimizeState {
         options(given_options),
         rating(options.angles, options.valences, min_angle, max_angle),
         reader(diagram, rating),
-        radii{options.sizing, set.radii.minCoeff()},
+        radii{options.sizing, min_radius(set)},
         samples(given, set, grid_for(diagram.mesh(), set, options.sizing)),
         rng(options.seed) {
     report.min_angle = min_angle;
@@ -620,7 +620,7 @@ bool has_gaps(const RestrictedPowerDiagram& diagram) {
 OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids) {
   require_optimize_options(options);
-  const bool uniform = samples.radii.minCoeff() == samples.radii.maxCoeff();
+  const bool uniform = min_radius(samples) == max_radius(samples);
   const auto [min_angle, max_angle] = bounds_of(options, uniform);
   Optimizer optimizer(diagram, samples, options, min_angle, max_angle);
   OptimizeResult result;

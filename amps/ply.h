@@ -31,14 +31,15 @@ class MeshBuilder {
     }
   }
 
-  Mesh finish() const {
+  /// Leaves the builder empty.
+  Mesh finish() {
     constexpr std::size_t limit = static_cast<std::size_t>(std::numeric_limits<Index>::max());
     if (coordinates_.size() / 3 > limit || indices_.size() / 3 > limit) {
       source_.fail("more than 2^31 - 1 vertices or facets; cut it into parts", ErrorCode::kTooLarge);
     }
     Mesh mesh;
-    mesh.vertices = Eigen::Map<const Points>(coordinates_.data(), static_cast<Eigen::Index>(coordinates_.size() / 3), 3);
-    mesh.triangles = Eigen::Map<const Triangles>(indices_.data(), static_cast<Eigen::Index>(indices_.size() / 3), 3);
+    mesh.vertices = Points(std::move(coordinates_));
+    mesh.triangles = Triangles(std::move(indices_));
     return mesh;
   }
 
@@ -77,7 +78,7 @@ inline void read_coordinates(TextCursor& text, const char* line, double* xyz, co
   source.fail_line(where, what);
 }
 
-// ---- PLY ----
+// PLY
 
 enum class PlyType { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
 

@@ -17,7 +17,6 @@ double RestrictedPowerDiagram::Polygon::area() const {
   return 0.5 * sum.stableNorm();  // areas of 1e±200 have squares out of range
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Construction
 
 /// Fragments of a run of facets, before they are put together.
@@ -41,9 +40,8 @@ struct RestrictedPowerDiagram::Batch {
   }
 };
 
-RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites,
-                                               const Eigen::Ref<const Eigen::VectorXd>& weights, unsigned threads,
-                                               const Progress& progress)
+RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
+                                               unsigned threads, const Progress& progress)
     : mesh_(mesh) {
   require_usable(mesh);
   if (sites.rows() == 0) throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: no sites; give at least one");
@@ -66,39 +64,42 @@ std::array<WeightedPoint, RestrictedPowerDiagram::kSentinels> RestrictedPowerDia
   std::array<WeightedPoint, kSentinels> result{};
   for (std::size_t k = 0; k < kSentinels; ++k) {
     const Vec3 x = centre + reach * Vec3(sign[k][0], sign[k][1], sign[k][2]);
-    result[k] = {x.x(), x.y(), x.z(), least_weight_};
+    result[k] = {x.x(), x.y(), x.z(), min_weight_};
   }
   return result;
 }
 
-void RestrictedPowerDiagram::triangulate(const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights) {
+void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesView& weights) {
   if (weights.size() != sites.rows()) {
     throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: " + std::to_string(sites.rows()) + " sites with " +
                                                  std::to_string(weights.size()) + " weights; give one weight a site");
   }
   const Box box = bounding_box(mesh_);
   Vec3 low = box.min, high = box.max;
-  for (Eigen::Index s = 0; s < sites.rows(); ++s) {
-    if (!sites.row(s).allFinite() || !std::isfinite(weights[s])) {
+  const auto n = static_cast<std::size_t>(sites.rows());
+  std::vector<Vec3> positions(kSentinels + n);
+  std::vector<double> all_weights(kSentinels + n);
+  min_weight_ = INFINITY;
+  for (std::ptrdiff_t s = 0; s < sites.rows(); ++s) {
+    const Vec3 x = sites[s];
+    if (!x.allFinite() || !std::isfinite(weights[s])) {
       throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: site " + std::to_string(s) +
                                                    " is not finite (NaN or infinity); remove or repair it");
     }
-    low = low.cwiseMin(sites.row(s).transpose());
-    high = high.cwiseMax(sites.row(s).transpose());
+    low = low.cwiseMin(x);
+    high = high.cwiseMax(x);
+    min_weight_ = std::min(min_weight_, weights[s]);
+    positions[static_cast<std::size_t>(kSentinels + s)] = x;
+    all_weights[static_cast<std::size_t>(kSentinels + s)] = weights[s];
   }
   low_ = low;
   high_ = high;
-  least_weight_ = weights.minCoeff();
-  num_guards_ = static_cast<Index>(sites.rows());
-  Points positions(sites.rows() + kSentinels, 3);
-  Eigen::VectorXd all_weights(positions.rows());
-  Index k = 0;
+  num_guards_ = static_cast<Index>(n);
+  std::size_t k = 0;
   for (const WeightedPoint& sentinel : sentinels()) {
-    positions.row(k) = sentinel.position().transpose();
+    positions[k] = sentinel.position();
     all_weights[k++] = sentinel.w;
   }
-  positions.bottomRows(sites.rows()) = sites;
-  all_weights.tail(weights.size()) = weights;
   triangulation_.insert(positions, all_weights);
 }
 
@@ -112,8 +113,8 @@ void RestrictedPowerDiagram::measure_facets() {
       longest = std::max(longest, (corner - mesh_.corner(facet, (c + 1) % 3)).squaredNorm());
       largest = std::max(largest, corner.cwiseAbs().maxCoeff());
     }
-    const auto position = [&](int c) { return mesh_.position(mesh_.triangles(facet, c)); };
-    facet_error_[slot(facet)] = collinear(position(0), position(1), position(2))
+    const Vec3 a = mesh_.corner(facet, 0), b = mesh_.corner(facet, 1), c = mesh_.corner(facet, 2);
+    facet_error_[slot(facet)] = collinear(a.data(), b.data(), c.data())
                                     ? -1.0
                                     : detail::kPositionError * std::sqrt(longest) + detail::kPositionRounding * largest;
     largest_facet_error_ = std::max(largest_facet_error_, facet_error_[slot(facet)]);
@@ -278,9 +279,8 @@ std::vector<Index> RestrictedPowerDiagram::corner_owners(const PlaneTable& plane
     for (int c = 0; c < 3; ++c) {
       Index& found = owner[slot(mesh_.triangles(facet, c))];
       if (found != kNone) continue;
-      const double* const x = mesh_.position(mesh_.triangles(facet, c));
-      const double* const corners[3] = {x, x, x};
-      const Vec3 position(x[0], x[1], x[2]);
+      const Vec3 position = mesh_.corner(facet, c);
+      const double* const corners[3] = {position.data(), position.data(), position.data()};
       const double error = detail::kPositionRounding * position.cwiseAbs().maxCoeff();
       for (bool moved = true; moved;) {
         moved = false;
@@ -319,7 +319,6 @@ void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTa
   }
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Fragment store
 
 RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
@@ -406,8 +405,6 @@ void RestrictedPowerDiagram::compact_pools() {
   pool_garbage_ = 0;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
-
 void RestrictedPowerDiagram::neighbors(Index s, std::vector<Index>& out) const {
   triangulation_.neighbors(s + kSentinels, out);
   std::size_t kept = 0;
@@ -431,7 +428,6 @@ RegularTriangulation::Adjacency RestrictedPowerDiagram::adjacency() const {
   return result;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Dual, measures, proof
 
 Triangles RestrictedPowerDiagram::dual_triangles(std::vector<Index>* facets) const {
@@ -448,7 +444,7 @@ Triangles RestrictedPowerDiagram::dual_triangles(std::vector<Index>* facets) con
       if (facets != nullptr) facets->push_back(p.facet);
     }
   }
-  return Eigen::Map<const Triangles>(corners.data(), static_cast<Eigen::Index>(corners.size() / 3), 3);
+  return Triangles(std::move(corners));
 }
 
 std::vector<double> RestrictedPowerDiagram::cell_areas() const {

@@ -48,8 +48,8 @@ class RestrictedPowerDiagram {
   /// the diagram. Facets with exactly collinear corners are skipped.
   /// Throws Error: kInvalidMesh (require_usable), kInvalidArgument (a site not finite, no site at all).
   /// Expected O(n log n + #fragments); facets are split over `threads` (0: one per core) with the same result for any number.
-  RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights,
-                         unsigned threads = 1, const Progress& progress = {});
+  RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights, unsigned threads = 1,
+                         const Progress& progress = {});
 
   Index num_sites() const { return triangulation_.num_vertices() - kSentinels; }  ///< ids given out, removed ones included
   Index num_removed() const { return triangulation_.num_removed(); }
@@ -153,7 +153,7 @@ class RestrictedPowerDiagram {
   std::array<WeightedPoint, kSentinels> sentinels() const;
   bool is_guard(Index s) const;
   void keep_a_guard(Index s);
-  void triangulate(const PointsView& sites, const Eigen::Ref<const Eigen::VectorXd>& weights);
+  void triangulate(const PointsView& sites, const ValuesView& weights);
   void build(unsigned threads, const Progress& progress);
   PlaneTable all_planes() const;
   std::vector<Index> corner_owners(const PlaneTable& planes) const;
@@ -174,10 +174,10 @@ class RestrictedPowerDiagram {
   std::vector<Index> link_of(Index s);
   Index hint_cell(Index near) const;
   void take_cell(Index s, const std::vector<Index>& around);
-  void add_uncovered(std::vector<Index>& heirs);
-  void share_out(Index s, const std::vector<Index>& heirs);
-  void share_out_facet(Index f, const std::vector<Index>& contenders, Clipper& clipper, std::vector<Index>& owners);
-  void find_contenders(Index f, const std::vector<Index>& heirs, std::vector<Index>& contenders) const;
+  void add_uncovered(std::vector<Index>& candidates);
+  void divide_cell(Index s, const std::vector<Index>& candidates);
+  void divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper, std::vector<Index>& owners);
+  void find_possible_owners(Index f, const std::vector<Index>& candidates, std::vector<Index>& possible_owners) const;
   Index owner_of_corner(Index facet, const std::vector<Index>& among) const;
   Index fragment_of(Index facet, Index site) const;
   void finish_edit();
@@ -198,7 +198,7 @@ class RestrictedPowerDiagram {
   std::vector<double> reach_;
   static constexpr double kNoCell = -1;
   Vec3 low_ = Vec3::Zero(), high_ = Vec3::Zero();  ///< the box that the sentinels stand around
-  double least_weight_ = 0;                        ///< theirs
+  double min_weight_ = 0;                          ///< tcandidates
   Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
   std::vector<Index> changed_, changed_sites_;

@@ -72,12 +72,14 @@ bool nearer_plane(const Plane& a, const Plane& b) noexcept {
 class RestrictedPowerDiagram::Clipper {
  public:
   explicit Clipper(const RestrictedPowerDiagram& diagram) : diagram_(diagram) {}
+  Clipper(const Clipper&) = delete;
+  Clipper& operator=(const Clipper&) = delete;
 
   void set_facet(Index facet) {
     const MeshView& mesh = diagram_.mesh_;
     for (int c = 0; c < 3; ++c) {
       vertex_[detail::slot(c)] = mesh.triangles(facet, c);
-      corner_[c] = mesh.position(vertex_[detail::slot(c)]);
+      position_[c] = mesh.vertices[vertex_[detail::slot(c)]];
     }
     position_error_ = diagram_.facet_error_[detail::slot(facet)];
   }
@@ -169,7 +171,7 @@ class RestrictedPowerDiagram::Clipper {
   const std::vector<Index>& labels() const { return labels_; }
 
  private:
-  Vec3 corner(int c) const { return {corner_[c][0], corner_[c][1], corner_[c][2]}; }
+  const Vec3& corner(int c) const { return position_[c]; }
 
   void set_owner(Index site) {
     owner_ = &diagram_.site(site);
@@ -232,7 +234,8 @@ class RestrictedPowerDiagram::Clipper {
   }
 
   const RestrictedPowerDiagram& diagram_;
-  const double* corner_[3] = {};
+  Vec3 position_[3] = {Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
+  const double* const corner_[3] = {position_[0].data(), position_[1].data(), position_[2].data()};
   std::array<Index, 3> vertex_{};
   double position_error_ = 0;
   const WeightedPoint* owner_ = nullptr;

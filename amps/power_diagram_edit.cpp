@@ -45,7 +45,7 @@ void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weig
     neighbors(s, around);
     around.push_back(s);
     reach_[slot(s)] = 0;
-    share_out(v - kSentinels, around);
+    divide_cell(v - kSentinels, around);
     finish_edit();
     return;
   }
@@ -148,12 +148,12 @@ void RestrictedPowerDiagram::prefetch_polygon(Index f) const {
   detail::prefetch(&corners_[slot(fragment.first)]);
   detail::prefetch(&corners_[slot(fragment.first + fragment.size - 1)]);
   detail::prefetch(&labels_[slot(fragment.first)]);
-  detail::prefetch(mesh_.triangles.data() + fragment.facet * mesh_.triangles.outerStride());
+  detail::prefetch(mesh_.triangles.address(fragment.facet));
   detail::prefetch(&facet_error_[slot(fragment.facet)]);
 }
 
 void RestrictedPowerDiagram::prefetch_facet_corners(Index facet) const {
-  for (int c = 0; c < 3; ++c) detail::prefetch(mesh_.position(mesh_.triangles(facet, c)));
+  for (int c = 0; c < 3; ++c) detail::prefetch(mesh_.vertices.address(mesh_.triangles(facet, c)));
 }
 
 /// The neighbours of a visible site, vertices of the triangulation.
@@ -176,13 +176,12 @@ std::vector<Index> RestrictedPowerDiagram::link_of(Index s) {
   return link;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Local removal
 //
-// What a site leaves in a facet is a convex polygon, to be divided among its heirs: its neighbours in space and the sites that
-// it alone has hidden. A site beyond an edge of it gets the strip along that edge, hence a larger fragment: its old one, grown
-// over the edge as far as the facet reaches, and cut by the other heirs. The edges of the grown ones lead to heirs that had
-// nothing in the facet. Fragments that have no edge with the polygon stay as they are, as do other facets.
+// What a site leaves in a facet is a convex polygon, to be divided among the candidates for it: its neighbours in space and the
+// sites that it alone has hidden. A site beyond an edge of it gets the strip along that edge, hence a larger fragment: its old
+// one, grown over the edge as far as the facet reaches, and cut by the other candidates. The edges of the grown ones lead to
+// candidates that had nothing in the facet. Fragments that have no edge with the polygon stay as they are, as do other facets.
 
 void RestrictedPowerDiagram::remove(Index s) {
   if (s < 0 || s >= num_sites() || removed(s)) {
@@ -197,21 +196,22 @@ void RestrictedPowerDiagram::remove(Index s) {
   changed_.clear();
   changed_sites_.clear();
   const bool had_cell = visible(s);
-  std::vector<Index> heirs;
-  if (had_cell) heirs = link_of(s);
+  std::vector<Index> candidates;
+  if (had_cell) candidates = link_of(s);
   const Index hidden = triangulation_.num_hidden();
   triangulation_.remove(s + kSentinels);
   if (!had_cell) return;
-  if (triangulation_.num_hidden() != hidden) add_uncovered(heirs);
-  heirs.erase(std::remove_if(heirs.begin(), heirs.end(), [](Index v) { return v < kSentinels; }), heirs.end());
-  for (Index& heir : heirs) heir -= kSentinels;
-  share_out(s, heirs);
+  if (triangulation_.num_hidden() != hidden) add_uncovered(candidates);
+  candidates.erase(std::remove_if(candidates.begin(), candidates.end(), [](Index v) { return v < kSentinels; }),
+                   candidates.end());
+  for (Index& candidate : candidates) candidate -= kSentinels;
+  divide_cell(s, candidates);
   finish_edit();
 }
 
 bool RestrictedPowerDiagram::is_guard(Index s) const {
   const WeightedPoint& p = site(s);
-  return p.w >= least_weight_ && (p.position().array() >= low_.array()).all() && (p.position().array() <= high_.array()).all();
+  return p.w >= min_weight_ && (p.position().array() >= low_.array()).all() && (p.position().array() <= high_.array()).all();
 }
 
 /// Before the removal of s: if it is the last guard, the sentinels move so that all sites are guards. No cell on the mesh
@@ -223,7 +223,7 @@ void RestrictedPowerDiagram::keep_a_guard(Index s) {
     if (removed(u)) continue;
     low_ = low_.cwiseMin(site(u).position());
     high_ = high_.cwiseMax(site(u).position());
-    least_weight_ = std::min(least_weight_, site(u).w);
+    min_weight_ = std::min(min_weight_, site(u).w);
   }
   Index v = 0;
   for (const WeightedPoint& sentinel : sentinels()) triangulation_.move(v++, sentinel.position(), sentinel.w);
@@ -235,23 +235,23 @@ void RestrictedPowerDiagram::keep_a_guard(Index s) {
 
 /// Adds to the neighbours of a removed site (vertices of the triangulation) those that have come back from hiding. They and the
 /// neighbours fill its place, so that each is joined to a neighbour by edges between such vertices.
-void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& heirs) {
+void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& candidates) {
   std::vector<Index> around;
-  for (std::size_t k = 0; k < heirs.size(); ++k) {
-    triangulation_.neighbors(heirs[k], around);
+  for (std::size_t k = 0; k < candidates.size(); ++k) {
+    triangulation_.neighbors(candidates[k], around);
     for (const Index v : around) {
-      const bool fresh =
-          v < kSentinels ? std::find(heirs.begin(), heirs.end(), v) == heirs.end() : reach_[slot(v - kSentinels)] == kNoCell;
+      const bool fresh = v < kSentinels ? std::find(candidates.begin(), candidates.end(), v) == candidates.end()
+                                        : reach_[slot(v - kSentinels)] == kNoCell;
       if (!fresh) continue;
       if (v >= kSentinels) reach_[slot(v - kSentinels)] = 0;
-      heirs.push_back(v);
+      candidates.push_back(v);
     }
   }
 }
 
-/// Divides the fragments of s, which has no cell any more, among the heirs.
-void RestrictedPowerDiagram::share_out(Index s, const std::vector<Index>& heirs) {
-  std::vector<Index> left, contenders, owners;
+/// Divides the fragments of s, which has no cell any more, among the candidates.
+void RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& candidates) {
+  std::vector<Index> left, possible_owners, owners;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
     left.push_back(f);
     prefetch_polygon(f);
@@ -267,32 +267,33 @@ void RestrictedPowerDiagram::share_out(Index s, const std::vector<Index>& heirs)
   Clipper clipper(*this);
   reach_[slot(s)] = kNoCell;
   for (const Index f : left) {
-    find_contenders(f, heirs, contenders);
-    share_out_facet(f, contenders, clipper, owners);
+    find_possible_owners(f, candidates, possible_owners);
+    divide_fragment(f, possible_owners, clipper, owners);
   }
 }
 
-/// The heirs that may own something in fragment f. At its points, in the ball around it, the owner's power is at most what any
-/// heir's can be there.
-void RestrictedPowerDiagram::find_contenders(Index f, const std::vector<Index>& heirs, std::vector<Index>& contenders) const {
+/// The candidates that may own something in fragment f. At its points, in the ball around it, the owner's power is at most what
+/// any candidate's can be there.
+void RestrictedPowerDiagram::find_possible_owners(Index f, const std::vector<Index>& candidates,
+                                                  std::vector<Index>& possible_owners) const {
   const Fragment& fragment = fragments_[slot(f)];
   const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
   const double radius = fragment.radius + largest_facet_error_;
   const auto slack = [](double d, double w) { return detail::kOffsetSlack * (d * d + std::fabs(w)); };
-  double most = INFINITY;
-  for (const Index heir : heirs) {
-    const double d = (site(heir).position() - centre).norm() + radius, w = site(heir).w;
-    most = std::min(most, d * d - w + slack(d, w));
+  double max_power = INFINITY;
+  for (const Index candidate : candidates) {
+    const double d = (site(candidate).position() - centre).norm() + radius, w = site(candidate).w;
+    max_power = std::min(max_power, d * d - w + slack(d, w));
   }
-  contenders.clear();
-  for (const Index heir : heirs) {
-    const double d = std::max((site(heir).position() - centre).norm() - radius, 0.0), w = site(heir).w;
-    if (!(d * d - w - slack(d, w) > most)) contenders.push_back(heir);  // NaN, from overflow, decides nothing
+  possible_owners.clear();
+  for (const Index candidate : candidates) {
+    const double d = std::max((site(candidate).position() - centre).norm() - radius, 0.0), w = site(candidate).w;
+    if (!(d * d - w - slack(d, w) > max_power)) possible_owners.push_back(candidate);  // NaN, from overflow, decides nothing
   }
 }
 
 /// `owners`: scratch.
-void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& contenders, Clipper& clipper,
+void RestrictedPowerDiagram::divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper,
                                              std::vector<Index>& owners) {
   const Polygon left = polygon(f);
   owners.clear();
@@ -302,7 +303,7 @@ void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& 
   free_fragment(f);
   changed_.push_back(f);
   changed_sites_.push_back(left.site);
-  if (owners.empty()) owners.push_back(owner_of_corner(left.facet, contenders));
+  if (owners.empty()) owners.push_back(owner_of_corner(left.facet, possible_owners));
   for (std::size_t n = 0; n < owners.size(); ++n) {
     const Index owner = owners[n], grown = fragment_of(left.facet, owner);
     if (grown == kNone) {
@@ -315,7 +316,7 @@ void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& 
     for (const Index other : owners) {
       if (other != owner && !clipper.has_label(other)) clipper.clip(other);
     }
-    for (const Index other : contenders) {
+    for (const Index other : possible_owners) {
       if (other != owner && !clipper.has_label(other)) clipper.clip(other);
     }
     AMPS_ASSERT(!clipper.empty());
@@ -341,8 +342,8 @@ void RestrictedPowerDiagram::share_out_facet(Index f, const std::vector<Index>& 
 
 /// Which of these sites owns the first corner of the facet.
 Index RestrictedPowerDiagram::owner_of_corner(Index facet, const std::vector<Index>& among) const {
-  const double* const x = mesh_.position(mesh_.triangles(facet, 0));
-  const double* const corners[3] = {x, x, x};
+  const Vec3 x = mesh_.corner(facet, 0);
+  const double* const corners[3] = {x.data(), x.data(), x.data()};
   AMPS_ASSERT(!among.empty());
   Index best = among.front();
   for (const Index other : among) {

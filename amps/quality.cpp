@@ -100,7 +100,7 @@ void measure_edges(const MeshView& mesh, QualityReport& report) {
   for (std::size_t e = 0; e < edges.size(); ++e) {
     const detail::MeshEdge edge = edges[e];
     const std::size_t low = detail::slot(edge.low), high = detail::slot(edge.high);
-    const double length = (mesh.vertices.row(edge.low) - mesh.vertices.row(edge.high)).norm();
+    const double length = (mesh.vertices[edge.low] - mesh.vertices[edge.high]).norm();
     report.min_edge = e == 0 ? length : std::min(report.min_edge, length);
     report.max_edge = std::max(report.max_edge, length);
     report.mean_edge += length;

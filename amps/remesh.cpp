@@ -29,12 +29,13 @@ Triangles unique_triples(const Triangles& triangles) {
   std::sort(keyed.begin(), keyed.end(),
             [](const Keyed& a, const Keyed& b) { return a.sorted != b.sorted ? a.sorted < b.sorted : a.row < b.row; });
   // In sorted order, so that the output does not depend on the history of the diagram.
-  Triangles result(triangles.rows(), 3);
-  Eigen::Index kept = 0;
+  Triangles result(triangles.rows());
+  std::ptrdiff_t kept = 0;
   for (std::size_t k = 0; k < keyed.size(); ++k) {
     if (k == 0 || keyed[k].sorted != keyed[k - 1].sorted) result.row(kept++) = triangles.row(keyed[k].row);
   }
-  return result.topRows(kept);
+  result.resize(kept);
+  return result;
 }
 
 /// Flips triangles so that manifold edges are traversed once in each direction, as far as the surface is orientable; per
@@ -85,7 +86,7 @@ Triangles restricted_triangles(const RestrictedPowerDiagram& diagram, const std:
   if (!ids.empty()) {
     std::vector<Index> row(slot(diagram.num_sites()), kNone);
     for (std::size_t k = 0; k < ids.size(); ++k) row[slot(ids[k])] = static_cast<Index>(k);
-    for (Eigen::Index t = 0; t < triangles.rows(); ++t) {
+    for (std::ptrdiff_t t = 0; t < triangles.rows(); ++t) {
       std::array<Index, 3> v = {row[slot(triangles(t, 0))], row[slot(triangles(t, 1))], row[slot(triangles(t, 2))]};
       std::rotate(v.begin(), std::min_element(v.begin(), v.end()), v.end());
       triangles.row(t) << v[0], v[1], v[2];
@@ -118,7 +119,6 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   result.samples = std::move(run.result.samples);
   result.report.sampling = run.result.report;
   result.mesh.vertices = result.samples.positions;
-  result.mesh.triangles.resize(0, 3);
   if (run.diagram == nullptr) return result;
 
   detail::Stopwatch watch;

@@ -20,7 +20,7 @@ EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSe
     : diagram_(diagram), grid_(std::move(grid)) {
   const auto n = slot(samples.size());
   at_.resize(n);
-  radius_.assign(samples.radii.data(), samples.radii.data() + n);
+  radius_ = samples.radii;
   alive_.assign(n, 1);
   is_new_.assign(n, 0);
   for (Index s = 0; s < size(); ++s) {
@@ -50,13 +50,12 @@ SampleSet EditableSamples::collect(std::vector<Index>& ids) const {
   }
   const auto n = static_cast<Index>(ids.size());
   SampleSet result;
-  result.positions.resize(n, 3);
-  result.radii.resize(n);
-  result.barycentrics.resize(n, 3);
+  result.positions.resize(n);
+  result.barycentrics.resize(n);
   for (Index row = 0; row < n; ++row) {
     const Index s = ids[slot(row)];
     result.positions.row(row) = position(s).transpose();
-    result.radii[row] = radius(s);
+    result.radii.push_back(radius(s));
     result.facets.push_back(at(s).facet);
     result.barycentrics.row(row) = at(s).barycentric.transpose();
   }

@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/samples.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -17,7 +18,7 @@ SurfacePoint surface_point_below(const MeshView& mesh, Index facet, const Vec3& 
 
 void require_sample_set(const SampleSet& samples) {
   if (samples.size() == 0) throw Error(ErrorCode::kInvalidArgument, "samples: the set is empty; give at least one sample");
-  if (samples.radii.size() != samples.positions.rows()) {
+  if (samples.radii.size() != slot(samples.size())) {
     throw Error(ErrorCode::kInvalidArgument, "samples: " + std::to_string(samples.positions.rows()) + " positions with " +
                                                  std::to_string(samples.radii.size()) + " radii; give one radius a sample");
   }
@@ -30,12 +31,23 @@ void require_sample_set(const SampleSet& samples) {
                                                  " barycentrics; give one of each a sample, or neither");
   }
   for (Index s = 0; s < samples.size(); ++s) {
-    if (!samples.positions.row(s).allFinite() || !(samples.radii[s] > 0) || !std::isfinite(samples.radii[s])) {
+    if (!samples.positions.row(s).allFinite() || !(samples.radii[slot(s)] > 0) || !std::isfinite(samples.radii[slot(s)])) {
       throw Error(ErrorCode::kInvalidArgument, "samples: sample " + std::to_string(s) +
                                                    " has a coordinate that is not finite or a radius that is not positive; "
                                                    "remove or repair it");
     }
   }
+}
+
+double min_radius(const SampleSet& samples) { return *std::min_element(samples.radii.begin(), samples.radii.end()); }
+
+double max_radius(const SampleSet& samples) { return *std::max_element(samples.radii.begin(), samples.radii.end()); }
+
+std::vector<double> weights_of(const std::vector<double>& radii) {
+  std::vector<double> weights;
+  weights.reserve(radii.size());
+  for (const double r : radii) weights.push_back(r * r);
+  return weights;
 }
 
 Sample sample_of(const SampleSet& samples, Index s) {
@@ -45,7 +57,7 @@ Sample sample_of(const SampleSet& samples, Index s) {
     result.at.barycentric = samples.barycentrics.row(s).transpose();
   }
   result.at.position = samples.positions.row(s).transpose();
-  result.radius = samples.radii[s];
+  result.radius = samples.radii[slot(s)];
   return result;
 }
 
@@ -71,10 +83,6 @@ Sample GrowingSet::operator[](Index s) const {
   return {{facets_[slot(s)], Eigen::Map<const Vec3>(barycentrics_.data() + 3 * slot(s)), position(s)}, radii_[slot(s)]};
 }
 
-SampleSet GrowingSet::finish() const {
-  const Eigen::Index n = size();
-  return {points(), Eigen::Map<const Eigen::VectorXd>(radii_.data(), n), facets_,
-          Eigen::Map<const Points>(barycentrics_.data(), n, 3)};
-}
+SampleSet GrowingSet::finish() const { return {Points(positions_), radii_, facets_, Points(barycentrics_)}; }
 
 }  // namespace amps::detail

@@ -18,7 +18,7 @@ namespace amps {
 /// a coordinate, each rounded, and two sums from left to right, each rounded.
 struct SampleSet {
   Points positions;           ///< #S by 3
-  Eigen::VectorXd radii;      ///< #S, > 0
+  std::vector<double> radii;  ///< #S, > 0
   std::vector<Index> facets;  ///< #S or empty
   Points barycentrics;        ///< #S by 3 or empty; rows are non-negative and sum to 1 (to rounding)
   Index size() const { return static_cast<Index>(positions.rows()); }
@@ -73,6 +73,13 @@ struct Sample {
 /// barycentrics are given but not one a sample.
 void require_sample_set(const SampleSet& samples);
 
+/// The least and the greatest radius of a set that is not empty.
+double min_radius(const SampleSet& samples);
+double max_radius(const SampleSet& samples);
+
+/// The sites' weights in a power diagram, r².
+std::vector<double> weights_of(const std::vector<double>& radii);
+
 /// Sample s of a set.
 Sample sample_of(const SampleSet& samples, Index s);
 
@@ -88,7 +95,7 @@ class GrowingSet {
   Vec3 position(Index s) const { return Eigen::Map<const Vec3>(positions_.data() + 3 * slot(s)); }
   Sample operator[](Index s) const;
   const std::vector<double>& radii() const { return radii_; }
-  Eigen::Map<const Points> points() const { return {positions_.data(), size(), 3}; }
+  PointsView points() const { return {positions_.data(), size()}; }
   SampleSet finish() const;
 
  private:

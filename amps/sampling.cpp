@@ -165,11 +165,7 @@ void run_darts(SamplingTask& task, double density) {
 /// Second stage: the diagram of the samples so far, filled until no gap is left.
 std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task) {
   Stopwatch watch;
-  std::vector<double> weights;
-  weights.reserve(task.set.radii().size());
-  for (const double r : task.set.radii()) weights.push_back(r * r);
-  auto diagram = std::make_unique<RestrictedPowerDiagram>(task.mesh, task.set.points(),
-                                                          Eigen::Map<const Eigen::VectorXd>(weights.data(), task.set.size()),
+  auto diagram = std::make_unique<RestrictedPowerDiagram>(task.mesh, task.set.points(), weights_of(task.set.radii()),
                                                           task.options.threads, task.options.progress);
   task.report.seconds_triangulation += diagram->seconds_triangulation();
   task.report.seconds_diagram += watch.lap() - diagram->seconds_triangulation();
@@ -295,7 +291,7 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
     throw Error(ErrorCode::kInvalidArgument, "sampling: gap filling takes a radius or a sizing field, not a target_count");
   }
   if (options.radius != 0 || !options.sizing.empty()) detail::require_one_sizing(mesh, options);
-  const double smallest = existing.radii.minCoeff();
+  const double smallest = detail::min_radius(existing);
   const double radius = options.radius == 0 ? smallest : options.radius;
   if (radius > smallest) {
     throw Error(ErrorCode::kInvalidArgument, "sampling: new disks of radius " + detail::number_text(radius) +
@@ -304,10 +300,12 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
   }
   const detail::WantedRadii wanted = options.sizing.empty() ? detail::WantedRadii(radius, options.conflict_rule)
                                                             : detail::WantedRadii(options.sizing, options.conflict_rule);
-  const detail::WantedRadii radii = wanted.beside(smallest, existing.radii.maxCoeff());
+  const detail::WantedRadii radii = wanted.beside(smallest, detail::max_radius(existing));
   Box box = bounding_box(mesh);
-  box.min = box.min.cwiseMin(existing.positions.colwise().minCoeff().transpose());
-  box.max = box.max.cwiseMax(existing.positions.colwise().maxCoeff().transpose());
+  for (Index s = 0; s < existing.size(); ++s) {
+    box.min = box.min.cwiseMin(existing.positions.row(s).transpose());
+    box.max = box.max.cwiseMax(existing.positions.row(s).transpose());
+  }
   const double density = radii.density_integral(total_area(mesh));
   detail::require_feasible_radii(radii.min(), radii.max(), density, box, options);
   if (!radii.uniform()) detail::require_feasible_radii(radii.min_of_set(), radii.max_of_set(), density, box, options);

@@ -31,13 +31,13 @@ Mesh empty_shape(std::int64_t vertices, std::int64_t facets) {
                                           " facets is more than a 32-bit index counts; ask for fewer cells");
   }
   Mesh mesh;
-  mesh.vertices.resize(static_cast<Eigen::Index>(vertices), 3);
-  mesh.triangles.resize(static_cast<Eigen::Index>(facets), 3);
+  mesh.vertices.resize(static_cast<std::ptrdiff_t>(vertices), 3);
+  mesh.triangles.resize(static_cast<std::ptrdiff_t>(facets), 3);
   return mesh;
 }
 
 // Two triangles of the cell with corners a, b, c, d counter-clockwise; returns the next free facet.
-Eigen::Index put_cell(Mesh& mesh, Eigen::Index facet, const std::array<Index, 4>& corner) {
+std::ptrdiff_t put_cell(Mesh& mesh, std::ptrdiff_t facet, const std::array<Index, 4>& corner) {
   mesh.triangles.row(facet) << corner[0], corner[1], corner[2];
   mesh.triangles.row(facet + 1) << corner[0], corner[2], corner[3];
   return facet + 2;
@@ -45,7 +45,7 @@ Eigen::Index put_cell(Mesh& mesh, Eigen::Index facet, const std::array<Index, 4>
 
 // A grid of nu × nv vertices, closed in both directions, oriented by (u, v).
 void put_closed_grid(Mesh& mesh, Index nu, Index nv) {
-  Eigen::Index facet = 0;
+  std::ptrdiff_t facet = 0;
   for (Index u = 0; u < nu; ++u) {
     const Index next_u = (u + 1) % nu;
     for (Index v = 0; v < nv; ++v) {
@@ -86,7 +86,7 @@ struct IcosahedronGrid {
     const double phi = 0.5 * (1.0 + std::sqrt(5.0));
     // Corner 4a + 2s + t is ±1 along axis a + 1 and ±φ along axis a + 2 (mod 3).
     for (std::size_t c = 0; c < 12; ++c) {
-      const auto axis = static_cast<Eigen::Index>(c / 4);
+      const auto axis = static_cast<std::ptrdiff_t>(c / 4);
       corner[c] = Vec3::Zero();
       corner[c]((axis + 1) % 3) = (c & 2) != 0 ? 1.0 : -1.0;
       corner[c]((axis + 2) % 3) = (c & 1) != 0 ? phi : -phi;
@@ -188,7 +188,7 @@ Mesh make_square(Index n) {
       mesh.vertices.row(j * (n + 1) + i) << static_cast<double>(i) / n, static_cast<double>(j) / n, 0.0;
     }
   }
-  Eigen::Index facet = 0;
+  std::ptrdiff_t facet = 0;
   for (Index j = 0; j < n; ++j) {
     for (Index i = 0; i < n; ++i) {
       const Index a = j * (n + 1) + i;
@@ -202,7 +202,7 @@ Mesh make_cube(Index n) {
   require_shape(n >= 1, "a cube needs at least 1 cell a side");
   const std::int64_t cells = n;
   Mesh mesh = empty_shape(6 * cells * cells + 2, 12 * cells * cells);
-  Eigen::Index facet = 0;
+  std::ptrdiff_t facet = 0;
   // The two sides across each axis; (u, v, axis) is right-handed, so u before v faces up the axis.
   for (std::size_t axis = 0; axis < 3; ++axis) {
     for (const Index level : {Index{0}, n}) {
@@ -212,7 +212,8 @@ Mesh make_cube(Index n) {
         at[(axis + 1) % 3] = level == 0 ? v : u;
         at[(axis + 2) % 3] = level == 0 ? u : v;
         const Index index = cube_surface_vertex(n, at[0], at[1], at[2]);
-        for (std::size_t k = 0; k < 3; ++k) mesh.vertices(index, static_cast<Eigen::Index>(k)) = static_cast<double>(at[k]) / n;
+        for (std::size_t k = 0; k < 3; ++k)
+          mesh.vertices(index, static_cast<std::ptrdiff_t>(k)) = static_cast<double>(at[k]) / n;
         return index;
       };
       for (Index v = 0; v < n; ++v) {
@@ -234,7 +235,7 @@ Mesh make_ellipsoid(Index facets, const Vec3& semi_axes) {
   const std::int64_t cuts = n;
   Mesh mesh = empty_shape(10 * cuts * cuts + 2, 20 * cuts * cuts);
   const IcosahedronGrid grid(n);
-  Eigen::Index facet = 0;
+  std::ptrdiff_t facet = 0;
   for (Index f = 0; f < IcosahedronGrid::kFacets; ++f) {
     const std::array<Index, 3>& c = grid.facet[static_cast<std::size_t>(f)];
     for (Index j = 0; j <= n; ++j) {

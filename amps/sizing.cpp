@@ -23,7 +23,7 @@ using detail::slot;
 
 std::shared_ptr<SizingLattice> make_simple_lattice(const MeshView& mesh) {
   require_usable(mesh);
-  return detail::make_lattice({mesh.vertices, mesh.triangles}, facet_areas(mesh), {});
+  return detail::make_lattice(mesh.copy(), facet_areas(mesh), {});
 }
 
 bool same_mesh(const MeshView& a, const MeshView& b) {
@@ -174,7 +174,7 @@ SizingField uniform_sizing(const MeshView& mesh, double radius) {
   return SizingFieldAccess::make(std::move(lattice), std::vector<double>(n, radius));
 }
 
-SizingField vertex_sizing(const MeshView& mesh, const Eigen::Ref<const Eigen::VectorXd>& radii) {
+SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii) {
   auto lattice = make_simple_lattice(mesh);
   if (radii.size() != mesh.num_vertices()) {
     refuse_sizing(std::to_string(radii.size()) + " values for " + std::to_string(mesh.num_vertices()) +
@@ -194,14 +194,14 @@ SizingField vertex_sizing(const MeshView& mesh, const Eigen::Ref<const Eigen::Ve
   return SizingFieldAccess::make(std::move(lattice), std::move(nodes));
 }
 
-SizingField vertex_density_sizing(const MeshView& mesh, const Eigen::Ref<const Eigen::VectorXd>& densities) {
+SizingField vertex_density_sizing(const MeshView& mesh, const ValuesView& densities) {
   require_usable(mesh);
-  Eigen::VectorXd radii(densities.size());
-  for (Eigen::Index v = 0; v < densities.size(); ++v) radii[v] = 1 / std::sqrt(densities[v]);
+  std::vector<double> radii;
+  for (std::ptrdiff_t v = 0; v < densities.size(); ++v) radii.push_back(1 / std::sqrt(densities[v]));
   for (Index f = 0; f < mesh.num_facets() && densities.size() == mesh.num_vertices(); ++f) {
     for (int k = 0; k < 3; ++k) {
       const Index v = mesh.triangles(f, k);
-      if (is_radius(densities[v]) && is_radius(radii[v])) continue;
+      if (is_radius(densities[v]) && is_radius(radii[slot(v)])) continue;
       refuse_sizing("the density " + number_text(densities[v]) + " of vertex " + std::to_string(v) +
                     " (0-based) is not positive and finite; correct it");
     }
@@ -224,8 +224,7 @@ class Tabulator {
 
   SizingField run() {
     for (Index f = 0; f < mesh_.num_facets(); ++f) tabulate(f);
-    return SizingFieldAccess::make(make_lattice({mesh_.vertices, mesh_.triangles}, std::move(areas_), std::move(levels_)),
-                                   std::move(nodes_));
+    return SizingFieldAccess::make(make_lattice(mesh_.copy(), std::move(areas_), std::move(levels_)), std::move(nodes_));
   }
 
  private:

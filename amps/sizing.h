@@ -123,10 +123,10 @@ SizingField uniform_sizing(const MeshView& mesh, double radius);
 
 /// Radii at the vertices, linear in each facet. `radii`: one a vertex, > 0 and finite where a facet uses the vertex (the error
 /// names the first that is not). O(#V + #F).
-SizingField vertex_sizing(const MeshView& mesh, const Eigen::Ref<const Eigen::VectorXd>& radii);
+SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii);
 
 /// The same from wanted densities ρ, samples per area up to a constant, > 0 and finite: r = 1/√ρ at the vertices.
-SizingField vertex_density_sizing(const MeshView& mesh, const Eigen::Ref<const Eigen::VectorXd>& densities);
+SizingField vertex_density_sizing(const MeshView& mesh, const ValuesView& densities);
 
 /// A radius for a point of the surface. Called from one thread, several times for some points: it must give the same value for
 /// the same point. Points on edges and vertices come as points of the first facet that has them.
@@ -168,7 +168,7 @@ struct LfsOptions {
 /// have values too large. Between 1e-6 and 1 times the diagonal of the bounding box, which is also the value where there is no
 /// medial axis: on flat surfaces. 1-Lipschitz in space. Poles are thinned: errors of 1 %. Throws Error(kInvalidArgument) for
 /// options out of range and points that are not finite. O(n log n) expected.
-Eigen::VectorXd local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options = {});
+std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options = {});
 
 /// r = scale · lfs; with it ρ = 1/r² ∝ 1/lfs². At vertices, and tabulated on facets that are large beside it.
 SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options = {});
@@ -179,7 +179,7 @@ SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options = {});
 /// facets of one orientation, are creases: nothing is averaged or differenced over them, and a vertex has the greatest of its
 /// sides' values. 0 at isolated vertices. Vertices of equal position are one. Throws Error(kInvalidArgument) unless 0 ≤
 /// crease_angle ≤ 180. O(#F log #F).
-Eigen::VectorXd max_curvature(const MeshView& mesh, double crease_angle = 50);
+std::vector<double> max_curvature(const MeshView& mesh, double crease_angle = 50);
 
 struct CurvatureOptions {
   double max_error = 0;      ///< ε: absolute units, > 0

@@ -123,9 +123,9 @@ class CurvatureEstimator {
 
  private:
   std::size_t vertex_of(std::size_t corner) const {
-    return slot(mesh_.triangles(static_cast<Eigen::Index>(corner / 3), static_cast<Eigen::Index>(corner % 3)));
+    return slot(mesh_.triangles(static_cast<std::ptrdiff_t>(corner / 3), static_cast<int>(corner % 3)));
   }
-  Vec3 normal_of_facet(std::size_t f) const { return normals_.row(static_cast<Eigen::Index>(f)).transpose(); }
+  Vec3 normal_of_facet(std::size_t f) const { return normals_.row(static_cast<std::ptrdiff_t>(f)).transpose(); }
   std::array<Vec3, 3> corners_of(std::size_t f) const {
     std::array<Vec3, 3> result;
     for (int k = 0; k < 3; ++k) result[slot(k)] = scale_ * view_.corner(static_cast<Index>(f), k);
@@ -232,15 +232,15 @@ class CurvatureEstimator {
 
 }  // namespace
 
-Eigen::VectorXd max_curvature(const MeshView& mesh, double crease_angle) {
+std::vector<double> max_curvature(const MeshView& mesh, double crease_angle) {
   require_usable(mesh);
   if (!(crease_angle >= 0 && crease_angle <= 180)) {
     throw Error(ErrorCode::kInvalidArgument, "curvature: the crease angle must lie in [0, 180] degrees");
   }
   const std::vector<double> at_corner = CurvatureEstimator(mesh, crease_angle).at_corners();
-  Eigen::VectorXd result = Eigen::VectorXd::Zero(mesh.num_vertices());
+  std::vector<double> result(slot(mesh.num_vertices()), 0.0);
   for (std::size_t c = 0; c < at_corner.size(); ++c) {
-    result[mesh.triangles(static_cast<Eigen::Index>(c / 3), static_cast<Eigen::Index>(c % 3))] = at_corner[c];
+    result[slot(mesh.triangles(static_cast<std::ptrdiff_t>(c / 3), static_cast<int>(c % 3)))] = at_corner[c];
   }
   return result;
 }
@@ -249,7 +249,7 @@ SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& optio
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "curvature sizing: " + what); };
   if (!(options.max_error > 0 && std::isfinite(options.max_error))) fail("max_error must be positive and finite");
   if (!(options.max_radius >= 0 && std::isfinite(options.max_radius))) fail("max_radius must be finite and not negative");
-  Eigen::VectorXd radii = max_curvature(mesh, options.crease_angle);
+  std::vector<double> radii = max_curvature(mesh, options.crease_angle);
   const double greatest = options.max_radius > 0 ? options.max_radius : bounding_box(mesh).diagonal();
   for (double& r : radii) {
     const double curvature = r, error = options.max_error;

@@ -88,7 +88,7 @@ class NodeGraph {
     const Index edge_k = Index{1} << edge_level_[first];
     const Index steps = place.steps * (edge_k / k);
     // An edge's nodes are counted from the start of its first side.
-    const bool same = welded_.triangles(static_cast<Eigen::Index>(first / 3), static_cast<Eigen::Index>(first % 3)) == start;
+    const bool same = welded_.triangles(static_cast<std::ptrdiff_t>(first / 3), static_cast<int>(first % 3)) == start;
     return edge_node_[first] + (same ? steps : edge_k - steps) - 1;
   }
 

@@ -44,9 +44,7 @@ class PoleSamples {
   double diagonal() const { return diagonal_; }
   double total_area() const { return total_area_; }
   Index size() const { return points_.size(); }
-  Eigen::Map<const Points> positions_from(Index first) const {
-    return {points_.coordinates().data() + 3 * slot(first), size() - first, 3};
-  }
+  PointsView positions_from(Index first) const { return {points_.coordinates().data() + 3 * slot(first), size() - first}; }
   /// Longest edge of the (lattice) triangles around a sample.
   double spacing(Index s) const { return around_[slot(s)].spacing; }
   /// Unit; the mean of the facets around.
@@ -332,7 +330,7 @@ Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filt
     table[at] = key;
     kept.insert(kept.end(), {pole.center.x(), pole.center.y(), pole.center.z()});
   }
-  return Eigen::Map<const Points>(kept.data(), static_cast<Eigen::Index>(kept.size() / 3), 3);
+  return Points(std::move(kept));
 }
 
 /// The medial axis of a mesh, as poles.
@@ -381,7 +379,7 @@ class MedialAxis {
   }
 
   PoleSamples samples_;
-  KdTree tree_{Points(0, 3)};
+  KdTree tree_{PointsView()};
 };
 
 void require_lfs_options(const LfsOptions& options) {
@@ -394,16 +392,16 @@ void require_lfs_options(const LfsOptions& options) {
 
 }  // namespace
 
-Eigen::VectorXd local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options) {
+std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options) {
   require_usable(mesh);
   require_lfs_options(options);
-  for (Eigen::Index i = 0; i < points.rows(); ++i) {
-    if (points.row(i).allFinite()) continue;
+  for (std::ptrdiff_t i = 0; i < points.rows(); ++i) {
+    if (points[i].allFinite()) continue;
     throw Error(ErrorCode::kInvalidArgument, "lfs: point " + std::to_string(i) + " (0-based) is not finite; remove it");
   }
   const MedialAxis axis(mesh, options);
-  Eigen::VectorXd result(points.rows());
-  for (Eigen::Index i = 0; i < points.rows(); ++i) result[i] = axis.distance(points.row(i).transpose());
+  std::vector<double> result(static_cast<std::size_t>(points.rows()));
+  for (std::ptrdiff_t i = 0; i < points.rows(); ++i) result[static_cast<std::size_t>(i)] = axis.distance(points[i]);
   return result;
 }
 

@@ -164,8 +164,8 @@ std::vector<Index> curve_order(const PointsView& points) {
   std::vector<WeightedPoint> sites(static_cast<std::size_t>(points.rows()));
   std::vector<Index> ids(sites.size());
   for (std::size_t k = 0; k < sites.size(); ++k) {
-    const auto row = points.row(static_cast<Index>(k));
-    sites[k] = {row.x(), row.y(), row.z(), 0};
+    const Vec3 x = points[static_cast<std::ptrdiff_t>(k)];
+    sites[k] = {x[0], x[1], x[2], 0};
     ids[k] = static_cast<Index>(k);
   }
   hilbert_sort(sites, ids, 0, ids.size(), nullptr, 1);

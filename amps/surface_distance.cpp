@@ -142,7 +142,7 @@ class OneSidedMeasure {
     parallel_for(order.size(), kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
       Index hint = kNone;
       for (std::size_t i = begin; i < end; ++i) {
-        const SurfaceHit hit = tree_.nearest(from_.vertices.row(order[i]).transpose(), hint);
+        const SurfaceHit hit = tree_.nearest(from_.vertices[order[i]], hint);
         hint = hit.point.facet;
         at_vertex_[detail::slot(order[i])] = {Vec3::Zero(), hit.distance, hint};
       }
@@ -289,26 +289,26 @@ class OneSidedMeasure {
     const DistanceCorners& p = piece.corners;
     piece.upper = std::min(piece.upper, greatest_of(p) + covering_radius(x[0], x[1], x[2]));
     if (piece.upper <= goal()) return;
-    double least = std::numeric_limits<double>::infinity();
+    double min_bound = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < 3; ++k) {
       const Index facet = p[k].nearest;
       if ((k > 0 && facet == p[0].nearest) || (k > 1 && facet == p[1].nearest)) continue;
-      double greatest = -1;
+      double max_bound = -1;
       int worst = 0;
-      for (std::size_t j = 0; j < 3 && greatest < least; ++j) {
+      for (std::size_t j = 0; j < 3 && max_bound < min_bound; ++j) {
         const double d = p[j].nearest == facet ? p[j].distance : tree_.nearest_on_facet(x[j], facet).distance;
-        if (d > greatest) {
-          greatest = d;
+        if (d > max_bound) {
+          max_bound = d;
           worst = static_cast<int>(j);
         }
       }
-      if (greatest < least) {
-        least = greatest;
+      if (max_bound < min_bound) {
+        min_bound = max_bound;
         piece.over = facet;
         piece.worst = worst;
       }
     }
-    piece.upper = std::min(piece.upper, least);
+    piece.upper = std::min(piece.upper, min_bound);
   }
 
   struct CutPiece {
@@ -370,14 +370,14 @@ class OneSidedMeasure {
       }
     }
     if (!(farthest < 0)) return false;
-    double least = 0, greatest = 0;
+    double min_side = 0, max_side = 0;
     for (std::size_t k = 0; k < 3; ++k) {
       side[k] = inward.dot(x[k] - on_border);
-      least = std::min(least, side[k]);
-      greatest = std::max(greatest, side[k]);
+      min_side = std::min(min_side, side[k]);
+      max_side = std::max(max_side, side[k]);
     }
     constexpr double kSmallestPart = 0.02;
-    return std::min(-least, greatest) > kSmallestPart * (greatest - least);
+    return std::min(-min_side, max_side) > kSmallestPart * (max_side - min_side);
   }
 
   /// In three, one corner parted from the other two by a plane they are on either `side` of.
@@ -442,10 +442,10 @@ struct ScaledMeshes {
     first = remove_isolated_vertices(a);
     second = remove_isolated_vertices(b);
     int exponent = 0;
-    std::frexp(std::max(first.vertices.cwiseAbs().maxCoeff(), second.vertices.cwiseAbs().maxCoeff()), &exponent);
+    std::frexp(std::max(first.vertices.map().cwiseAbs().maxCoeff(), second.vertices.map().cwiseAbs().maxCoeff()), &exponent);
     scale = std::ldexp(1.0, -std::clamp(exponent, -1022, 1022));
-    first.vertices *= scale;
-    second.vertices *= scale;
+    first.vertices.map() *= scale;
+    second.vertices.map() *= scale;
   }
 
   void unscale(OneSidedDistance& d) const {

@@ -41,8 +41,13 @@ struct FacetPoint {
 
 constexpr int kTreeArity = 4;
 
-/// Four numbers that one instruction takes together, where the machine has such.
-using FourFloats = Eigen::Array<float, kTreeArity, 1>;
+/// Four numbers, in plain loops that compilers turn into single instructions. (Not an Eigen array: its alignment depends on
+/// flags.)
+struct FourFloats {
+  float value[kTreeArity];
+  float& operator[](int k) { return value[k]; }
+  float operator[](int k) const { return value[k]; }
+};
 
 /// Four children, their boxes side by side.
 struct TreeNode {
@@ -77,7 +82,7 @@ TreeUnit tree_unit(const Box& box) {
   return unit;
 }
 
-// ---- One facet ----
+// One facet
 
 TreeFacet tree_facet(const Vec3& a, const Vec3& b, const Vec3& c, Index facet) {
   // At the rim rounding may take the inner point for the nearest where an edge or corner is, by a few 1e-16: a corner of the
@@ -141,7 +146,7 @@ FacetPoint nearest_on(const TreeFacet& t, const Vec3& query) {
   return best;
 }
 
-// ---- Boxes ----
+// Boxes
 
 struct TreeBox {
   Vec3 min = Vec3::Constant(std::numeric_limits<double>::infinity());
@@ -188,16 +193,19 @@ struct BoxQuery {
 
   /// At most the squared distance to anything in each child.
   FourFloats lower_bounds(const TreeNode& node) const {
-    FourFloats sum = FourFloats::Zero();
+    FourFloats sum{};
     for (int axis = 0; axis < 3; ++axis) {
-      const FourFloats beyond = (node.min[axis] - x[axis]).max(x[axis] - node.max[axis]) - slack;
-      sum += beyond.max(0.0f).square();
+      const FourFloats &low = node.min[axis], &high = node.max[axis];
+      for (int k = 0; k < kTreeArity; ++k) {
+        const float beyond = std::max(std::max(low[k] - x[axis], x[axis] - high[k]) - slack, 0.0f);
+        sum[k] += beyond * beyond;
+      }
     }
     return sum;
   }
 };
 
-// ---- Building ----
+// Building
 
 struct BuildItem {
   TreeBox box;
@@ -345,7 +353,7 @@ void require_tree_mesh(const MeshView& mesh) {
 
 }  // namespace
 
-// ---- Searching ----
+// Searching
 
 struct SurfaceTree::Impl {
   Mesh mesh;
@@ -360,7 +368,7 @@ struct SurfaceTree::Impl {
     Index facet = std::numeric_limits<Index>::max();
   };
 
-  explicit Impl(const MeshView& view) : mesh{view.vertices, view.triangles}, unit(tree_unit(bounding_box(view))) {
+  explicit Impl(const MeshView& view) : mesh(view.copy()), unit(tree_unit(bounding_box(view))) {
     const auto count = static_cast<std::size_t>(view.num_facets());
     std::vector<BuildItem> items(count);
     for (std::size_t i = 0; i < count; ++i) {
@@ -493,7 +501,7 @@ std::vector<SurfaceHit> SurfaceTree::nearest_all(const PointsView& queries, unsi
   parallel_for(hits.size(), kGrain, threads, [&](std::size_t begin, std::size_t end) {
     Index hint = kNone;
     for (std::size_t i = begin; i < end; ++i) {
-      hits[i] = nearest(queries.row(static_cast<Index>(i)).transpose(), hint);
+      hits[i] = nearest(queries[static_cast<std::ptrdiff_t>(i)], hint);
       hint = hits[i].point.facet;
     }
   });

@@ -54,13 +54,11 @@ class IndexSet {
 using detail::kFaceCorners;
 using detail::slot;
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Bulk insertion
 
 RegularTriangulation::RegularTriangulation(const PointsView& positions) { insert(positions); }
 
-RegularTriangulation::RegularTriangulation(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights,
-                                           unsigned threads) {
+RegularTriangulation::RegularTriangulation(const PointsView& positions, const ValuesView& weights, unsigned threads) {
   insert(positions, weights, threads);
 }
 
@@ -70,35 +68,35 @@ void RegularTriangulation::insert(const PointsView& positions) {
   bulk_insert(first, 1);
 }
 
-void RegularTriangulation::insert(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights,
-                                  unsigned threads) {
+void RegularTriangulation::insert(const PointsView& positions, const ValuesView& weights, unsigned threads) {
   if (weights.size() != positions.rows()) {
     throw Error(ErrorCode::kInvalidArgument, "triangulation: " + std::to_string(positions.rows()) + " points with " +
                                                  std::to_string(weights.size()) + " weights; give one weight a point");
   }
   const Index first = num_vertices();
-  append_points(positions, weights.data());
+  append_points(positions, &weights);
   bulk_insert(first, threads);
 }
 
-void RegularTriangulation::append_points(const PointsView& positions, const double* weights) {
+void RegularTriangulation::append_points(const PointsView& positions, const ValuesView* weights) {
   detail::require_exact_arithmetic();
-  const Eigen::Index n = positions.rows();
-  constexpr Eigen::Index kMaxPoints = (Eigen::Index{1} << 29) / 8;  // so that 4·cell + face fits an Index
-  if (n + static_cast<Eigen::Index>(points_.size()) > kMaxPoints) {
+  const std::ptrdiff_t n = positions.rows();
+  constexpr std::ptrdiff_t kMaxPoints = (std::ptrdiff_t{1} << 29) / 8;  // so that 4·cell + face fits an Index
+  if (n + static_cast<std::ptrdiff_t>(points_.size()) > kMaxPoints) {
     throw Error(ErrorCode::kTooLarge,
                 "triangulation: more than " + std::to_string(kMaxPoints) + " points; split the set or use a larger radius");
   }
-  for (Eigen::Index k = 0; k < n; ++k) {
-    if (!positions.row(k).allFinite() || (weights != nullptr && !std::isfinite(weights[k]))) {
+  for (std::ptrdiff_t k = 0; k < n; ++k) {
+    if (!positions[k].allFinite() || (weights != nullptr && !std::isfinite((*weights)[k]))) {
       throw Error(ErrorCode::kInvalidArgument,
                   "triangulation: point " + std::to_string(k) + " is not finite (NaN or infinity); remove or repair it");
     }
   }
   const std::size_t total = points_.size() + static_cast<std::size_t>(n);
   if (total > points_.capacity()) points_.reserve(std::max(total, 2 * points_.capacity()));  // single insertions: amortised
-  for (Eigen::Index k = 0; k < n; ++k) {
-    points_.push_back({positions(k, 0), positions(k, 1), positions(k, 2), weights != nullptr ? weights[k] : 0.0});
+  for (std::ptrdiff_t k = 0; k < n; ++k) {
+    const Vec3 x = positions[k];
+    points_.push_back({x[0], x[1], x[2], weights != nullptr ? (*weights)[k] : 0.0});
     grow_bounds(points_.back());
   }
   state_.resize(total, VertexState::kVisible);
@@ -300,12 +298,12 @@ void RegularTriangulation::start_simplex(const std::array<Index, 4>& corner) {
   last_cell_ = 0;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // One insertion
 
 Index RegularTriangulation::insert(const Vec3& position, double weight, Index hint) {
   const Index v = num_vertices();
-  append_points(position.transpose(), &weight);
+  const ValuesView weights(&weight, 1);
+  append_points({position.data(), 1}, &weights);
   hidden_by_last_.clear();
   if (dimension_ < 3) {
     if (extend_basis(v)) bulk_insert(v, 1);
@@ -550,7 +548,6 @@ Index RegularTriangulation::allocate_cell(Workspace& work) {
   return static_cast<Index>(cells_.size()) - 1;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Hidden points
 
 void RegularTriangulation::hide(Index v, VertexState state) {
@@ -591,12 +588,11 @@ void RegularTriangulation::place_hidden(Index hint) {
   unplaced_.clear();
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Queries
 
-Eigen::Matrix<Index, Eigen::Dynamic, 4, Eigen::RowMajor> RegularTriangulation::cells() const {
-  Eigen::Matrix<Index, Eigen::Dynamic, 4, Eigen::RowMajor> result(num_finite_, 4);
-  Eigen::Index row = 0;
+Tetrahedra RegularTriangulation::cells() const {
+  Tetrahedra result(num_finite_);
+  std::ptrdiff_t row = 0;
   for (const Cell& c : cells_) {
     if (!c.alive() || c.ghost()) continue;
     for (int k = 0; k < 4; ++k) result(row, k) = c.vertex[slot(k)];
@@ -606,8 +602,8 @@ Eigen::Matrix<Index, Eigen::Dynamic, 4, Eigen::RowMajor> RegularTriangulation::c
 }
 
 Triangles RegularTriangulation::hull() const {
-  Triangles result(num_ghosts_, 3);
-  Eigen::Index row = 0;
+  Triangles result(num_ghosts_);
+  std::ptrdiff_t row = 0;
   for (const Cell& c : cells_) {
     if (!c.alive() || !c.ghost()) continue;
     for (int k = 0; k < 3; ++k) result(row, k) = c.vertex[slot(k)];
@@ -748,7 +744,6 @@ Index RegularTriangulation::power_nearest(const Vec3& x, Index near) const {
   return best;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Proof
 
 namespace detail {

@@ -34,6 +34,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/buffers.h"
 #include "amps/predicates.h"
 
 #include <algorithm>
@@ -102,14 +103,14 @@ class RegularTriangulation {
 
   /// Bulk construction: insert(positions, weights).
   explicit RegularTriangulation(const PointsView& positions);
-  RegularTriangulation(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights, unsigned threads = 1);
+  RegularTriangulation(const PointsView& positions, const ValuesView& weights, unsigned threads = 1);
 
   /// Inserts a list of points: ids are num_vertices()… in row order. No weights: all 0.
   /// Throws Error(kInvalidArgument): a coordinate or weight not finite (names the row), sizes differ, more than 2^29 cells.
   /// Nothing has changed then.
   void insert(const PointsView& positions);
   /// With more than one thread (0: one per core) large sets go in in parallel, with the same cells; small ones stay sequential.
-  void insert(const PointsView& positions, const Eigen::Ref<const Eigen::VectorXd>& weights, unsigned threads = 1);
+  void insert(const PointsView& positions, const ValuesView& weights, unsigned threads = 1);
 
   /// Inserts one point and returns its id. `hint`: a cell near it (kNone: the last one touched).
   Index insert(const Vec3& position, double weight, Index hint = kNone);
@@ -147,7 +148,7 @@ class RegularTriangulation {
   Index num_ghosts() const { return num_ghosts_; }  ///< = hull facets
 
   /// #C by 4 corners of the finite cells, in storage order.
-  Eigen::Matrix<Index, Eigen::Dynamic, 4, Eigen::RowMajor> cells() const;
+  Tetrahedra cells() const;
   /// #H by 3 hull facets, outward: counter-clockwise seen from outside.
   Triangles hull() const;
 
@@ -213,7 +214,7 @@ class RegularTriangulation {
   static constexpr std::size_t kSmallStar = 64;     ///< vertices around a cavity that a table of all pairs is made for
   static constexpr std::uint32_t kStampStep = 256;  ///< local_: 24 bits of stamp, 8 bits of number
 
-  void append_points(const PointsView& positions, const double* weights);
+  void append_points(const PointsView& positions, const ValuesView* weights);
   void grow_bounds(const WeightedPoint& p);
   void start_simplex(const std::array<Index, 4>& corner);
   bool extend_basis(Index v);

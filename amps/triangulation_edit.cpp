@@ -162,7 +162,6 @@ void RegularTriangulation::place(Index v, Index hint) {
   if (state(v) != VertexState::kVisible) unplaced_.push_back(v);
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // The hole
 
 /// Frees the star of v; its border becomes the open facets, its corners the link (numbered in the order of cavity_vertices_),
@@ -249,7 +248,6 @@ void RegularTriangulation::glue(Index face, Index other) {
   cells_[slot(other >> 2)].neighbor[slot(other & 3)] = face;
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Small holes: gift wrapping
 
 void RegularTriangulation::wrap_hole() {
@@ -328,24 +326,24 @@ void RegularTriangulation::meet_face(const std::array<Index, 4>& corner, Index c
   open.push_back(facet);
 }
 
-// ---------------------------------------------------------------------------------------------------------------------------
 // Large holes: the triangulation of the link
 
 /// Fills the hole that v has left with those cells of its link's triangulation that v is in conflict with: they are the ones it
 /// would destroy there, and its star is the same there and here. False, and nothing has changed, if the link lies in a plane.
 bool RegularTriangulation::fill_hole_from_link(Index v) {
-  const Eigen::Index count = static_cast<Eigen::Index>(cavity_vertices_.size());
-  Points positions(count, 3);
-  Eigen::VectorXd weights(count);
-  for (Eigen::Index k = 0; k < count; ++k) {
-    const WeightedPoint& p = point(cavity_vertices_[static_cast<std::size_t>(k)]);
-    positions.row(k) = p.position().transpose();
+  const std::size_t count = cavity_vertices_.size();
+  std::vector<Vec3> positions(count);
+  std::vector<double> weights(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const WeightedPoint& p = point(cavity_vertices_[k]);
+    positions[k] = p.position();
     weights[k] = p.w;
   }
   RegularTriangulation link(positions, weights);
   if (link.dimension() < 3) return false;
   const WeightedPoint q = point(v);
-  link.append_points(q.position().transpose(), &q.w);  // for its bounds only
+  const ValuesView weight(&q.w, 1);
+  link.append_points({&q.x, 1}, &weight);  // for its bounds only
   link.dig_cavity(link.walk(q, link.last_cell_, link.bounds_), q);
 
   std::vector<Index> copy(link.cells_.size(), kNone);

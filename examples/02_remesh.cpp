@@ -1,20 +1,18 @@
-// 02_remesh.cpp: a mesh remeshed from buffers of the caller's own, with progress and a time limit.
+// 02_remesh.cpp: a mesh remeshed from matrices of the caller's own, with progress and a time limit.
 //
 //   02_remesh [MESH [OUT]]
 #include "amps/amps.h"
 
 #include <chrono>
 #include <iostream>
-#include <vector>
 
 int main(int argc, char** argv) try {
   const amps::Mesh input = argc > 1 ? amps::read_mesh(argv[1]) : amps::make_knot();
 
-  // A program with buffers of its own maps them: nothing is copied.
-  const std::vector<double> xyz(input.vertices.data(), input.vertices.data() + input.vertices.size());
-  const std::vector<amps::Index> corners(input.triangles.data(), input.triangles.data() + input.triangles.size());
-  const amps::MeshView view(Eigen::Map<const amps::Points>(xyz.data(), input.vertices.rows(), 3),
-                            Eigen::Map<const amps::Triangles>(corners.data(), input.triangles.rows(), 3));
+  // A program with matrices of its own gives them as they are, whatever their storage order: nothing is copied.
+  const Eigen::MatrixXd vertices = input.vertices.map();
+  const Eigen::MatrixXi triangles = input.triangles.map();
+  const amps::MeshView view(vertices, triangles);
 
   amps::RemeshOptions options;
   options.sampling.target_count = 3000;

@@ -11,11 +11,11 @@
 int main(int argc, char** argv) try {
   const amps::Index n = argc > 1 ? std::max(4, std::atoi(argv[1])) : 20000;
   amps::Rng rng(1);
-  amps::Points points(n, 3);
-  Eigen::VectorXd weights(n);  // squared radii, used as given
+  amps::Points points(n);
+  std::vector<double> weights(static_cast<std::size_t>(n));  // squared radii, used as given
   for (amps::Index i = 0; i < n; ++i) {
     for (int k = 0; k < 3; ++k) points(i, k) = rng.uniform();
-    weights[i] = 1e-3 * rng.uniform();
+    weights[static_cast<std::size_t>(i)] = 1e-3 * rng.uniform();
   }
 
   amps::RegularTriangulation triangulation(points, weights);

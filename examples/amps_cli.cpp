@@ -418,7 +418,7 @@ SizingRequest sizing_request(const Arguments& arguments) {
 
 amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name) {
   const auto [file, property] = sizing_file(name);
-  const Eigen::VectorXd radii = property.empty() ? amps::read_values(file) : amps::read_vertex_property(file, property);
+  const std::vector<double> radii = property.empty() ? amps::read_values(file) : amps::read_vertex_property(file, property);
   try {
     return amps::vertex_sizing(mesh, radii);
   } catch (const amps::Error& error) {
@@ -579,7 +579,7 @@ int run_remesh(const Arguments& arguments) {
                                  {"write", seconds_write},
                                  {"total", total.seconds()}});
 
-  const Eigen::Index unused = result.mesh.vertices.rows() - report.output.vertices;  // on parts as thin as r
+  const std::ptrdiff_t unused = result.mesh.vertices.rows() - report.output.vertices;  // on parts as thin as r
   Json json = begin_json("remesh");
   json.add("status", amps::name_of(result.status));
   json.add("vertices", static_cast<amps::Index>(result.mesh.vertices.rows()));

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -79,16 +80,22 @@ inline void print_maximality(const Table& table, const amps::MaximalityReport& r
   }
 }
 
+struct RadiusRange {
+  double min, max, mean;
+  explicit RadiusRange(const amps::SampleSet& samples)
+      : min(*std::min_element(samples.radii.begin(), samples.radii.end())),
+        max(*std::max_element(samples.radii.begin(), samples.radii.end())),
+        mean(std::accumulate(samples.radii.begin(), samples.radii.end(), 0.0) / samples.size()) {}
+};
+
 inline void print_radii(const Table& table, const amps::SampleSet& samples) {
-  const double least = samples.radii.minCoeff(), most = samples.radii.maxCoeff();
-  table.row("radius r",
-            least == most ? number(least) : number(least) + " to " + number(most) + ", mean " + number(samples.radii.mean()));
+  const RadiusRange r(samples);
+  table.row("radius r", r.min == r.max ? number(r.min) : number(r.min) + " to " + number(r.max) + ", mean " + number(r.mean));
 }
 
 inline void add_radii(Json& json, const amps::SampleSet& samples) {
-  json.add("min_radius", samples.radii.minCoeff())
-      .add("max_radius", samples.radii.maxCoeff())
-      .add("mean_radius", samples.radii.mean());
+  const RadiusRange r(samples);
+  json.add("min_radius", r.min).add("max_radius", r.max).add("mean_radius", r.mean);
 }
 
 inline void add_maximality(Json& json, const amps::MaximalityReport& report) {

@@ -72,13 +72,13 @@ inline Eigen::Matrix3d camera_axes(const Options& options) {
 
 inline amps::Points vertex_normals(const amps::MeshView& mesh, const amps::Points& facet_normals) {
   const std::vector<double> areas = amps::facet_areas(mesh);
-  amps::Points normals = amps::Points::Zero(mesh.vertices.rows(), 3);
+  amps::Points normals(mesh.vertices.rows());
   for (amps::Index f = 0; f < mesh.num_facets(); ++f) {
     for (int k = 0; k < 3; ++k) {
       normals.row(mesh.triangles(f, k)) += areas[static_cast<std::size_t>(f)] * facet_normals.row(f);
     }
   }
-  for (Eigen::Index v = 0; v < normals.rows(); ++v) normals.row(v).normalize();
+  for (std::ptrdiff_t v = 0; v < normals.rows(); ++v) normals.row(v).normalize();
   return normals;
 }
 
@@ -99,8 +99,11 @@ inline View look_at(const amps::MeshView& mesh, const Options& options) {
   const Eigen::Matrix3d axes = camera_axes(options);
   const amps::Box box = amps::bounding_box(mesh);
   // Scaled to a unit diagonal, so that models of any size are far from overflow.
-  amps::Points eye =
-      (mesh.vertices.rowwise() - (0.5 * box.min + 0.5 * box.max).transpose()) / box.diagonal() * axes.transpose();
+  const Eigen::Vector3d middle = 0.5 * box.min + 0.5 * box.max;
+  amps::Points eye(mesh.vertices.rows());
+  for (std::ptrdiff_t v = 0; v < eye.rows(); ++v) {
+    eye.row(v) = (axes * (mesh.vertices[v] - middle) / box.diagonal()).transpose();
+  }
   const double tangent = std::tan(kFieldOfView * 3.14159265358979323846 / 360) * kMargin;
 
   // Step back until every vertex is inside the frame, |x| ≤ tangent · (distance − z), and centre what is seen. Each step moves
@@ -120,20 +123,20 @@ inline View look_at(const amps::MeshView& mesh, const Options& options) {
       }
     }
     distance = needed;
-    if (turn < 5) eye.leftCols<2>().rowwise() -= 0.5 * (low + high);
+    if (turn < 5) eye.map().leftCols<2>().rowwise() -= 0.5 * (low + high);
   }
 
   View view;
   const double half = 0.5 * options.size * kSupersampling;
   const double focal = half * kMargin / tangent;
-  view.screen.resize(eye.rows(), 3);
-  for (Eigen::Index v = 0; v < eye.rows(); ++v) {
+  view.screen.resize(eye.rows());
+  for (std::ptrdiff_t v = 0; v < eye.rows(); ++v) {
     const double inverse = 1 / (distance - eye(v, 2));
     view.screen.row(v) << half + focal * eye(v, 0) * inverse, half - focal * eye(v, 1) * inverse, inverse;
   }
   amps::Points normals = amps::facet_normals(mesh);
   if (options.smooth) normals = vertex_normals(mesh, normals);
-  view.normals = normals * axes.transpose();
+  view.normals = normals.map() * axes.transpose();
   if (options.edges) {
     // Where triangles are only a few pixels wide, lines get thinner and fade, or the picture would go black.
     const double pixels = typical_edge(mesh, view.screen) / kSupersampling;

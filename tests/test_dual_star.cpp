@@ -4,8 +4,8 @@
 #include "amps/maximality.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
-#include "test_diagrams.h"
-#include "test_models.h"
+#include "kit/diagrams.h"
+#include "kit/models.h"
 
 #include <doctest/doctest.h>
 

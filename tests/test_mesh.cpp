@@ -300,10 +300,10 @@ TEST_CASE("mesh: edges are counted as by a set") {
 TEST_CASE("mesh: functions take a caller's buffers as they are") {
   const double xyz[9] = {0, 0, 0, 2, 0, 0, 0, 1, 0};
   const Index corners[3] = {0, 1, 2};
-  const Eigen::Map<const Points> vertices(xyz, 3, 3);
-  const Eigen::Map<const Triangles> triangles(corners, 1, 3);
+  const amps::PointsView vertices(xyz, 3);
+  const amps::TrianglesView triangles(corners, 1);
   const MeshView view(vertices, triangles);
-  CHECK(view.vertices.data() == xyz);
+  CHECK(view.vertices.address(1) == xyz + 3);
   CHECK(amps::total_area(view) == 1.0);
   std::ostringstream text;
   text << amps::check(view);

@@ -4,8 +4,8 @@
 #include "amps/maximality.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
-#include "test_diagrams.h"
-#include "test_models.h"
+#include "kit/diagrams.h"
+#include "kit/models.h"
 
 #include <doctest/doctest.h>
 
@@ -57,7 +57,7 @@ NewSample random_sample(const Mesh& mesh, double radius, Rng& rng) {
 
 /// A diagram, made anew, with the ids that are expected.
 amps_test::CanonicalDiagram rebuilt(const Mesh& mesh, const Expected& expected) {
-  amps_test::Sites sites{amps::Points(static_cast<Index>(expected.size()), 3), Eigen::VectorXd(expected.size())};
+  amps_test::Sites sites{amps::Points(static_cast<Index>(expected.size())), std::vector<double>(expected.size())};
   std::vector<Index> ids;
   for (const auto& [id, entry] : expected) {
     const auto row = static_cast<Index>(ids.size());

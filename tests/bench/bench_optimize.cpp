@@ -66,7 +66,7 @@ OptimizeCase table1_case(bool sphere) {
   OptimizeCase c{"square", amps::make_square(), {}};
   if (sphere) {
     c = {"sphere", amps::make_sphere(81920), {}};
-    c.mesh.vertices *= std::sqrt(0.863 / amps::total_area(c.mesh));
+    c.mesh.vertices.map() *= std::sqrt(0.863 / amps::total_area(c.mesh));
   }
   c.options.radius = 4.5e-3;
   return c;

@@ -13,6 +13,7 @@
 #include "amps/shapes.h"
 #include "amps/sizing.h"
 #include "../kit/data.h"
+#include "../kit/points.h"
 #include "peak_memory.h"
 
 #include <benchmark/benchmark.h>
@@ -29,7 +30,7 @@ namespace {
 /// Radii from 1 to 16 along z, scaled to about `samples` samples.
 amps::SizingField graded_field(const amps::Mesh& mesh, double samples) {
   const amps::Box box = amps::bounding_box(mesh);
-  Eigen::VectorXd radii(mesh.vertices.rows());
+  std::vector<double> radii(static_cast<std::size_t>(mesh.vertices.rows()));
   for (amps::Index v = 0; v < mesh.vertices.rows(); ++v) {
     radii[v] = 1 + 15 * std::clamp((mesh.vertices(v, 2) - box.min.z()) / (box.max.z() - box.min.z()), 0.0, 1.0);
   }
@@ -107,7 +108,7 @@ void pipeline_darts(benchmark::State& state) {
 
 void pipeline_triangulation(benchmark::State& state) {
   run(state, [](const PipelineCase& c) {
-    const amps::RegularTriangulation triangulation(c.maximal.positions, c.maximal.radii.cwiseAbs2());
+    const amps::RegularTriangulation triangulation(c.maximal.positions, amps_test::squared(c.maximal.radii));
     benchmark::DoNotOptimize(triangulation.num_cells());
     return c.maximal.size();
   });
@@ -116,7 +117,7 @@ void pipeline_triangulation(benchmark::State& state) {
 /// Of the whole set, with its triangulation.
 void pipeline_diagram(benchmark::State& state) {
   run(state, [](const PipelineCase& c) {
-    const amps::RestrictedPowerDiagram diagram(c.mesh, c.maximal.positions, c.maximal.radii.cwiseAbs2());
+    const amps::RestrictedPowerDiagram diagram(c.mesh, c.maximal.positions, amps_test::squared(c.maximal.radii));
     benchmark::DoNotOptimize(diagram.num_fragments());
     return c.maximal.size();
   });
@@ -163,7 +164,7 @@ void edit_diagram(benchmark::State& state) {
   amps::SamplingOptions options;
   options.radius = std::sqrt(amps::kSamplesPerDensity * amps::total_area(mesh) / (large ? 200000 : 12000));
   const amps::SampleSet set = amps::sample(mesh, options).samples;
-  amps::RestrictedPowerDiagram diagram(mesh, set.positions, set.radii.cwiseAbs2());
+  amps::RestrictedPowerDiagram diagram(mesh, set.positions, amps_test::squared(set.radii));
   amps::Rng rng(1);
   std::vector<amps::Index> sites, near, around;
   std::vector<char> leaves(static_cast<std::size_t>(set.size()));

@@ -29,16 +29,16 @@ using amps::Vec3;
 
 struct Input {
   Points positions;
-  Eigen::VectorXd weights;
+  std::vector<double> weights;
 };
 
-constexpr Eigen::Index kPoints = 100000;
+constexpr std::ptrdiff_t kPoints = 100000;
 constexpr double kTurn = 6.283185307179586;
 
 Input uniform_cube(double weight_range) {
   Rng rng(1);
-  Input in{Points(kPoints, 3), Eigen::VectorXd(kPoints)};
-  for (Eigen::Index k = 0; k < kPoints; ++k) {
+  Input in{Points(kPoints), std::vector<double>(kPoints)};
+  for (std::ptrdiff_t k = 0; k < kPoints; ++k) {
     for (int a = 0; a < 3; ++a) in.positions(k, a) = rng.uniform();
     in.weights[k] = weight_range * rng.uniform();
   }
@@ -58,8 +58,8 @@ Input variable_radius_sphere() {
   constexpr double kCell = 1.15e-3 * 16;
   const auto cell_of = [](double x) { return static_cast<std::int64_t>(std::floor(x / kCell)) + 4096; };
   std::map<std::int64_t, std::vector<Vec3>> grid;
-  Input in{Points(kPoints, 3), Eigen::VectorXd(kPoints)};
-  Eigen::Index count = 0;
+  Input in{Points(kPoints), std::vector<double>(kPoints)};
+  std::ptrdiff_t count = 0;
   for (std::int64_t dart = 0; count < kPoints && dart < 100 * kPoints; ++dart) {
     const Vec3 p = on_sphere(rng);
     const double r = radius(p);
@@ -81,15 +81,15 @@ Input variable_radius_sphere() {
     in.positions.row(count) = p.transpose();
     in.weights[count++] = r * r;
   }
-  in.positions.conservativeResize(count, 3);
-  in.weights.conservativeResize(count);
+  in.positions.resize(count);
+  in.weights.resize(static_cast<std::size_t>(count));
   return in;
 }
 
 Input random_torus() {
   Rng rng(3);
-  Input in{Points(kPoints, 3), Eigen::VectorXd::Zero(kPoints)};
-  for (Eigen::Index k = 0; k < kPoints; ++k) {
+  Input in{Points(kPoints), std::vector<double>(kPoints, 0.0)};
+  for (std::ptrdiff_t k = 0; k < kPoints; ++k) {
     const double a = kTurn * rng.uniform(), b = kTurn * rng.uniform();
     in.positions.row(k) << (2 + std::cos(b)) * std::cos(a), (2 + std::cos(b)) * std::sin(a), std::sin(b);
   }
@@ -98,8 +98,8 @@ Input random_torus() {
 
 Input grid(double divisor) {
   constexpr int m = 46;
-  Input in{Points(m * m * m, 3), Eigen::VectorXd::Zero(m * m * m)};
-  Eigen::Index k = 0;
+  Input in{Points(m * m * m), std::vector<double>(static_cast<std::size_t>(m * m * m), 0.0)};
+  std::ptrdiff_t k = 0;
   for (int x = 0; x < m; ++x) {
     for (int y = 0; y < m; ++y) {
       for (int z = 0; z < m; ++z) in.positions.row(k++) << x / divisor, y / divisor, z / divisor;
@@ -131,7 +131,7 @@ const Input& input(char name) {
         return uniform_cube(1e-3);
       default: {
         Input in = input('c');
-        in.weights.setZero();
+        in.weights.assign(in.weights.size(), 0.0);
         return in;
       }
     }
@@ -155,25 +155,26 @@ void triangulate_million(benchmark::State& state, unsigned threads) {
   static const Points positions = [] {
     Rng rng(4);
     Points result(1000000, 3);
-    for (Eigen::Index k = 0; k < result.size(); ++k) result.data()[k] = rng.uniform();
+    for (std::ptrdiff_t k = 0; k < result.size(); ++k) result.data()[k] = rng.uniform();
     return result;
   }();
-  const Eigen::VectorXd weights = Eigen::VectorXd::Zero(positions.rows());
+  const std::vector<double> weights(static_cast<std::size_t>(positions.rows()), 0.0);
   for (auto _ : state) amps::RegularTriangulation(positions, weights, threads);
 }
 
 /// Single insertions of the second half, with the cell of a nearby vertex as the hint.
 void insert_with_hint(benchmark::State& state, char name) {
   const Input& in = input(name);
-  const Eigen::Index half = in.positions.rows() / 2, some = 10000;
-  const amps::RegularTriangulation first(in.positions.topRows(half), in.weights.head(half));
+  const std::ptrdiff_t half = in.positions.rows() / 2, some = 10000;
+  const amps::RegularTriangulation first({in.positions.data(), half}, {in.weights.data(), half});
   std::vector<amps::Index> hint;
-  for (Eigen::Index k = half; k < half + some; ++k) hint.push_back(first.power_nearest(in.positions.row(k).transpose()));
+  for (std::ptrdiff_t k = half; k < half + some; ++k) hint.push_back(first.power_nearest(in.positions.row(k).transpose()));
   for (auto _ : state) {
     state.PauseTiming();
-    amps::RegularTriangulation t(in.positions.topRows(half), in.weights.head(half));  // not a copy: that has no room to grow
+    amps::RegularTriangulation t({in.positions.data(), half},
+                                 {in.weights.data(), half});  // not a copy: that has no room to grow
     state.ResumeTiming();
-    for (Eigen::Index k = 0; k < some; ++k) {
+    for (std::ptrdiff_t k = 0; k < some; ++k) {
       t.insert(in.positions.row(half + k).transpose(), in.weights[half + k],
                t.incident_cell(hint[static_cast<std::size_t>(k)]));
     }
@@ -184,7 +185,7 @@ void insert_with_hint(benchmark::State& state, char name) {
 /// Removal of 10,000 points in random order, from a fresh copy each time.
 void remove_some(benchmark::State& state, char name) {
   const Input& in = input(name);
-  const Eigen::Index some = 10000;
+  const std::ptrdiff_t some = 10000;
   for (auto _ : state) {
     state.PauseTiming();
     amps::RegularTriangulation t(in.positions, in.weights);
@@ -197,14 +198,14 @@ void remove_some(benchmark::State& state, char name) {
 #ifdef AMPS_BENCH_CGAL
 using Oracle = CGAL::Regular_triangulation_3<CGAL::Exact_predicates_inexact_constructions_kernel>;
 
-Oracle::Weighted_point weighted_point(const Input& in, Eigen::Index k) {
+Oracle::Weighted_point weighted_point(const Input& in, std::ptrdiff_t k) {
   return {Oracle::Bare_point(in.positions(k, 0), in.positions(k, 1), in.positions(k, 2)), in.weights[k]};
 }
 
 void triangulate_cgal(benchmark::State& state, char name) {
   const Input& in = input(name);
   std::vector<Oracle::Weighted_point> points;
-  for (Eigen::Index k = 0; k < in.positions.rows(); ++k) points.push_back(weighted_point(in, k));
+  for (std::ptrdiff_t k = 0; k < in.positions.rows(); ++k) points.push_back(weighted_point(in, k));
   std::size_t cells = 0;
   for (auto _ : state) {
     const Oracle t(points.begin(), points.end());
@@ -225,7 +226,7 @@ void triangulate_cgal_parallel(benchmark::State& state, char name) {
   const Input& in = input(name);
   std::vector<ParallelOracle::Weighted_point> points;
   CGAL::Bbox_3 box;
-  for (Eigen::Index k = 0; k < in.positions.rows(); ++k) {
+  for (std::ptrdiff_t k = 0; k < in.positions.rows(); ++k) {
     points.push_back(weighted_point(in, k));
     box += points.back().bbox();
   }
@@ -239,18 +240,18 @@ void triangulate_cgal_parallel(benchmark::State& state, char name) {
 
 void insert_with_hint_cgal(benchmark::State& state, char name) {
   const Input& in = input(name);
-  const Eigen::Index half = in.positions.rows() / 2, some = 10000;
+  const std::ptrdiff_t half = in.positions.rows() / 2, some = 10000;
   std::vector<Oracle::Weighted_point> points;
-  for (Eigen::Index k = 0; k < in.positions.rows(); ++k) points.push_back(weighted_point(in, k));
+  for (std::ptrdiff_t k = 0; k < in.positions.rows(); ++k) points.push_back(weighted_point(in, k));
   for (auto _ : state) {
     state.PauseTiming();
     Oracle t(points.begin(), points.begin() + half);
     std::vector<Oracle::Vertex_handle> hint;
-    for (Eigen::Index k = half; k < half + some; ++k) {
+    for (std::ptrdiff_t k = half; k < half + some; ++k) {
       hint.push_back(t.nearest_power_vertex(points[static_cast<std::size_t>(k)].point()));
     }
     state.ResumeTiming();
-    for (Eigen::Index k = 0; k < some; ++k) {
+    for (std::ptrdiff_t k = 0; k < some; ++k) {
       const auto at = static_cast<std::size_t>(k);
       t.insert(points[static_cast<std::size_t>(half) + at], hint[at]->cell());
     }
@@ -260,14 +261,14 @@ void insert_with_hint_cgal(benchmark::State& state, char name) {
 
 void remove_some_cgal(benchmark::State& state, char name) {
   const Input& in = input(name);
-  const Eigen::Index some = 10000;
+  const std::ptrdiff_t some = 10000;
   std::vector<Oracle::Weighted_point> points;
-  for (Eigen::Index k = 0; k < in.positions.rows(); ++k) points.push_back(weighted_point(in, k));
+  for (std::ptrdiff_t k = 0; k < in.positions.rows(); ++k) points.push_back(weighted_point(in, k));
   for (auto _ : state) {
     state.PauseTiming();
     Oracle t(points.begin(), points.end());
     std::vector<Oracle::Vertex_handle> vertices;  // no point of these inputs is hidden: each is nearest to itself
-    for (Eigen::Index k = 0; k < some; ++k)
+    for (std::ptrdiff_t k = 0; k < some; ++k)
       vertices.push_back(t.nearest_power_vertex(points[static_cast<std::size_t>(k)].point()));
     state.ResumeTiming();
     for (const Oracle::Vertex_handle v : vertices) t.remove(v);

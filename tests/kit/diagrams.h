@@ -52,8 +52,8 @@ inline Real signed_area(const Mesh& mesh, const Diagram::Polygon& p) {
 
 inline bool is_degenerate(const Mesh& mesh, Index facet) {
   const MeshView view(mesh);
-  return amps::collinear(view.position(mesh.triangles(facet, 0)), view.position(mesh.triangles(facet, 1)),
-                         view.position(mesh.triangles(facet, 2)));
+  const Vec3 a = view.corner(facet, 0), b = view.corner(facet, 1), c = view.corner(facet, 2);
+  return amps::collinear(a.data(), b.data(), c.data());
 }
 
 /// Every combinatorial law of a restricted power diagram, proved from the public interface alone. Returns the first violation.

@@ -13,7 +13,7 @@
 namespace amps_test {
 
 /// One number a point: radii, weights.
-using Values = Eigen::VectorXd;
+using Values = std::vector<double>;
 
 using Corners = std::array<Index, 3>;  ///< of a triangle
 
@@ -135,8 +135,8 @@ Triangles renumbered(const Triangles& triangles, const Map& map) {
 
 template <class Make>
 Values made_values(Index n, const Make& make) {
-  Values values(n);
-  for (Index i = 0; i < n; ++i) values[i] = make(i);
+  Values values(at(n));
+  for (Index i = 0; i < n; ++i) values[at(i)] = make(i);
   return values;
 }
 
