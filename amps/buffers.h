@@ -380,7 +380,7 @@ class TrianglesView {
   /// Corner k of triangle i; below 0 where the number does not fit an Index.
   Index operator()(std::ptrdiff_t i, int k) const noexcept {
     const unsigned char* const at = memory_.column[static_cast<std::size_t>(k)] + i * memory_.stride;
-    return type_ == Type::kInt32 ? detail::load<std::int32_t>(at) : other(at);
+    return type_ == Type::kInt32 ? detail::load<std::int32_t>(at) : converted(at);
   }
   std::array<Index, 3> operator[](std::ptrdiff_t i) const noexcept { return {(*this)(i, 0), (*this)(i, 1), (*this)(i, 2)}; }
 
@@ -407,31 +407,8 @@ class TrianglesView {
     constexpr int kLog = sizeof(T) == 2 ? 0 : sizeof(T) == 4 ? 2 : 4;
     return static_cast<Type>(kLog + (std::is_signed_v<T> ? 0 : 1));
   }
-  template <class T>
-  static Index narrowed(const unsigned char* at) noexcept {
-    const T value = detail::load<T>(at);
-    constexpr auto kMax = static_cast<std::uint64_t>(std::numeric_limits<Index>::max());
-    return std::is_signed_v<T> && value < T{0}        ? kNone
-           : static_cast<std::uint64_t>(value) > kMax ? kNone
-                                                      : static_cast<Index>(value);
-  }
-  Index other(const unsigned char* at) const noexcept {
-    switch (type_) {
-      case Type::kInt16:
-        return narrowed<std::int16_t>(at);
-      case Type::kUint16:
-        return narrowed<std::uint16_t>(at);
-      case Type::kInt32:
-        return narrowed<std::int32_t>(at);
-      case Type::kUint32:
-        return narrowed<std::uint32_t>(at);
-      case Type::kInt64:
-        return narrowed<std::int64_t>(at);
-      case Type::kUint64:
-        return narrowed<std::uint64_t>(at);
-    }
-    return kNone;
-  }
+  /// Of the types that are not Index.
+  Index converted(const unsigned char* at) const noexcept;
 
   detail::Columns<3> memory_;
   Type type_ = Type::kInt32;

@@ -2,6 +2,7 @@
 #include "amps/gaps.h"
 
 #include "amps/exact.h"
+#include "amps/portable_math.h"
 #include "amps/predicates.h"
 
 #include <algorithm>
@@ -9,8 +10,6 @@
 
 namespace amps::detail {
 namespace {
-
-constexpr double kGapPi = 3.14159265358979323846;
 
 /// A plane whose disk has less than this share of the ball's squared radius is taken to miss the ball: less is rounding.
 constexpr double kSmallestDisk = 1e-14;
@@ -184,13 +183,13 @@ void FragmentGap::add_ring() {
   for (std::size_t i = 0; i < k; ++i) points_.push_back(at(i));
   points_.push_back(opposite);
   points_.push_back(-touch);
-  add_run(0, kGapPi);
+  add_run(0, kPi);
   const std::size_t begin = points_.size();
   points_.push_back(-touch);
   points_.push_back(opposite);
   for (std::size_t i = k; i <= n; ++i) points_.push_back(at(i));
   points_.push_back(touch);
-  add_run(begin, kGapPi);
+  add_run(begin, kPi);
 }
 
 /// Angle of the arc from the first to the last point of the run that ends at points_.back(), in [0, 2π].
@@ -210,7 +209,7 @@ double FragmentGap::run_angle(std::size_t begin) const {
     return std::max(0.0, sum);
   }
   const double angle = std::atan2(turned, along);
-  return angle < 0 ? angle + 2 * kGapPi : angle;
+  return angle < 0 ? angle + 2 * kPi : angle;
 }
 
 /// Area of the run from points_[begin] to the last point: the convex polygon of its points minus the circular segment. Of the

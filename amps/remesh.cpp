@@ -3,6 +3,7 @@
 
 #include "amps/mesh_edges.h"
 #include "amps/power_diagram.h"
+#include "amps/wanted_radii.h"
 
 #include <algorithm>
 #include <array>
@@ -109,7 +110,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   if (options.optimize) {
     detail::require_optimize_options(options.optimization);
     if (sampling.target_count > 0) {
-      const double growth = detail::expected_growth(options.optimization, sampling.sizing.empty());
+      const double growth = detail::expected_growth(options.optimization, detail::is_one_radius(sampling.sizing));
       sampling.target_count = std::max(Index{1}, static_cast<Index>(sampling.target_count / (1 + growth) + 0.5));
     }
   }

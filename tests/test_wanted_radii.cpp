@@ -4,6 +4,7 @@
 #include "kit/samples.h"
 
 #include "amps/predicates.h"
+#include "amps/remesh.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
 
@@ -145,6 +146,17 @@ TEST_CASE("wanted_radii: the report's radius is the one wanted for all new sampl
   CHECK(amps::sample(mesh, options).report.radius == 0);
   CHECK(amps::throw_darts(mesh, options).report.radius == 0);
   CHECK(amps::fill_gaps(mesh, uniform.samples, options).report.radius == 0);
+}
+
+TEST_CASE("wanted_radii: a mesh of a wanted size is the same with a field that is the same everywhere and without one") {
+  const Mesh mesh = amps::make_torus();
+  amps::RemeshOptions options;
+  options.optimize = true;
+  options.optimization.max_iterations = 0;  // the number to be sampled is at stake
+  options.sampling.target_count = 2000;
+  const double expected = amps::remesh(mesh, options).report.sampling.radius;
+  options.sampling.sizing = amps::uniform_sizing(mesh, 0.3);
+  CHECK(amps::remesh(mesh, options).report.sampling.radius == doctest::Approx(expected).epsilon(1e-9));
 }
 
 }  // namespace amps_test
