@@ -406,6 +406,35 @@ TEST_CASE("remesh: the same seed gives the same bits with every compiler and bui
   CHECK(hash(amps::remesh(amps::make_square(3), optimized)) == 3453456246685459430u);
 }
 
+TEST_CASE("remesh: its status is that of the part that went worst") {
+  const Mesh sphere = amps::make_sphere(320);
+  RemeshOptions options = plain(with_radius(0.5));
+  options.optimize = true;
+  CHECK(amps::remesh(sphere, options).status == Outcome::kDone);
+  options.optimization.min_angle = 59;
+  options.optimization.max_angle = 61;
+  const RemeshResult stalled = amps::remesh(sphere, options);
+  CHECK(stalled.status == Outcome::kStalled);
+  CHECK(stalled.report.optimization.status == Outcome::kStalled);
+  CHECK(stalled.report.maximality.maximal());
+  CHECK(rows(stalled.mesh.triangles) > 0);
+  options.optimization.max_iterations = 1;
+  CHECK(amps::remesh(sphere, options).status == Outcome::kIterationLimit);
+  CHECK(amps::remesh(sphere, plain(with_radius(0.5))).status == Outcome::kDone);
+  cancel(options.sampling);
+  CHECK(amps::remesh(sphere, options).status == Outcome::kCancelled);
+}
+
+TEST_CASE("remesh: outcomes have names, from best to worst") {
+  CHECK(amps::name_of(Outcome::kDone) == std::string("done"));
+  CHECK(amps::name_of(Outcome::kIterationLimit) == std::string("iteration limit"));
+  CHECK(amps::name_of(Outcome::kStalled) == std::string("stalled"));
+  CHECK(amps::name_of(Outcome::kCancelled) == std::string("cancelled"));
+  CHECK(Outcome::kDone < Outcome::kIterationLimit);
+  CHECK(Outcome::kIterationLimit < Outcome::kStalled);
+  CHECK(Outcome::kStalled < Outcome::kCancelled);
+}
+
 TEST_SUITE("slow") {
   TEST_CASE("remesh: all angles lie in [30°, 120°] and all edges in [r, 2r] on real models") {
     for (const auto& model : real_models()) {
@@ -423,38 +452,7 @@ TEST_SUITE("slow") {
     }
   }
 
-  TEST_CASE("remesh: its status is that of the part that went worst") {
-  const Mesh sphere = amps::make_sphere(320);
-  RemeshOptions options = with_radius(0.5);
-  options.optimize = true;
-  CHECK(amps::remesh(sphere, options).status == Outcome::kDone);
-  options.optimization.min_angle = 59;
-  options.optimization.max_angle = 61;
-  const RemeshResult stalled = amps::remesh(sphere, options);
-  CHECK(stalled.status == Outcome::kStalled);
-  CHECK(stalled.report.optimization.status == Outcome::kStalled);
-  CHECK(stalled.report.maximality.maximal());
-  CHECK(stalled.mesh.triangles.rows() > 0);
-  options.optimization.max_iterations = 1;
-  CHECK(amps::remesh(sphere, options).status == Outcome::kIterationLimit);
-  options.sampling.progress.cancel();
-  CHECK(amps::remesh(sphere, options).status == Outcome::kCancelled);
-  options.sampling.progress = {};
-  options.optimize = false;
-  CHECK(amps::remesh(sphere, options).status == Outcome::kDone);
-}
-
-TEST_CASE("remesh: outcomes have names, from best to worst") {
-  CHECK(amps::name_of(Outcome::kDone) == std::string("done"));
-  CHECK(amps::name_of(Outcome::kIterationLimit) == std::string("iteration limit"));
-  CHECK(amps::name_of(Outcome::kStalled) == std::string("stalled"));
-  CHECK(amps::name_of(Outcome::kCancelled) == std::string("cancelled"));
-  CHECK(Outcome::kDone < Outcome::kIterationLimit);
-  CHECK(Outcome::kIterationLimit < Outcome::kStalled);
-  CHECK(Outcome::kStalled < Outcome::kCancelled);
-}
-
-TEST_CASE("remesh: all angles lie in [30°, 120°] and all edges in [r, 2r] for large sets") {
+  TEST_CASE("remesh: all angles lie in [30°, 120°] and all edges in [r, 2r] for large sets") {
     for (const auto& model : procedural_models()) {
       CAPTURE(model.name);
       const auto& [name, mesh, radius] = model;
