@@ -230,7 +230,8 @@ TEST_CASE("mesh_edges: equal positions are one point, exactly; −0 equals 0, Na
   REQUIRE(points.coordinates().size() == 3 * wanted.size());
 
   Index alone = 0;  // a search among those before would never end
-  for (Index i = 0; i < 1'000'000; ++i) alone += points.find_or_add({0, kNaN, 0}) == static_cast<Index>(wanted.size()) + i ? 1 : 0;
+  for (Index i = 0; i < 1'000'000; ++i)
+    alone += points.find_or_add({0, kNaN, 0}) == static_cast<Index>(wanted.size()) + i ? 1 : 0;
   CHECK(alone == 1'000'000);
   CHECK(points.find_or_add(Vec3(0, -0.0, 0)) == wanted.at({0, 0, 0}));
 }

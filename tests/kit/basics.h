@@ -14,9 +14,9 @@ using amps::Index;
 using amps::kNone;
 using amps::Mesh;
 using amps::MeshView;
+using amps::Outcome;
 using amps::Points;
 using amps::Rng;
-using amps::Outcome;
 using amps::Triangles;
 using amps::Vec3;
 

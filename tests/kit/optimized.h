@@ -24,7 +24,6 @@ using amps::OptimizeIteration;
 using amps::OptimizeOptions;
 using amps::OptimizeReport;
 using amps::OptimizeResult;
-using amps::Outcome;
 
 /// Two spheres around one centre, at this distance: no border, so refills are tried in copies, which do not know the other
 /// sheet.
