@@ -1,11 +1,13 @@
 // Dual stars and their ratings against the list of all dual triangles, counted one by one.
 #include "amps/dual_star.h"
 
+#include "kit/diagrams.h"
+#include "kit/meshes.h"
+#include "kit/models.h"
+
 #include "amps/maximality.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
-#include "test_diagrams.h"
-#include "test_models.h"
 
 #include <doctest/doctest.h>
 
@@ -17,24 +19,18 @@
 #include <string>
 #include <vector>
 
-using amps::Index;
-using amps::kNone;
-using amps::Mesh;
-using amps::RestrictedPowerDiagram;
-using amps::Vec3;
+namespace amps_test {
+namespace {
+
 using amps::detail::AngleRange;
 using amps::detail::BadItem;
 using amps::detail::DualRating;
 using amps::detail::DualStar;
 using amps::detail::StarReader;
 
-namespace {
-
 constexpr double kLow = 38, kHigh = 100;
 using Form = StarReader::Form;
 using Triple = std::array<Index, 3>;
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 /// The neighbours of a sample as a graph: who is joined to whom by a triangle at the sample.
 using Link = std::map<Index, std::set<Index>>;
@@ -73,10 +69,10 @@ double valence_energy(Form form, std::size_t neighbors, bool crossings) {
 }
 
 /// All triangles, each once.
-std::set<Triple> triples_of(const RestrictedPowerDiagram& diagram) {
+std::set<Triple> triples_of(const Diagram& diagram) {
   std::set<Triple> triples;
-  const amps::Triangles triangles = diagram.dual_triangles();
-  for (Index t = 0; t < triangles.rows(); ++t) {
+  const Triangles triangles = diagram.dual_triangles();
+  for (Index t = 0; t < rows(triangles); ++t) {
     Triple corners = {triangles(t, 0), triangles(t, 1), triangles(t, 2)};
     std::sort(corners.begin(), corners.end());
     triples.insert(corners);
@@ -93,7 +89,7 @@ Mesh hourglass() {
     for (int k = 0; k < 12; ++k) vertices.emplace_back(std::cos(k * 0.5236), std::sin(k * 0.5236), z);
     for (Index k = 0; k < 12; ++k) triangles.push_back({0, first + k, first + (k + 1) % 12});
   }
-  return amps_test::mesh_of(vertices, triangles);
+  return mesh_of(vertices, triangles);
 }
 
 struct TestDiagram {
@@ -107,10 +103,10 @@ std::vector<TestDiagram> test_diagrams() {
   const Mesh square = amps::make_square(4);
   return {{"sphere", amps::make_sphere(320), 300},
           {"square", square, 200},
-          {"soup", amps_test::random_soup(12, 401), 250},
-          {"book of 3 pages", amps_test::open_book(3), 200},
-          {"near sheets", amps_test::joined(square, amps_test::scaled(square, 1, Vec3(0, 0, 0.03))), 300},
-          {"crossing sheets", amps_test::joined(amps::make_cube(2), amps_test::scaled(amps::make_cube(2), 0.7)), 200},
+          {"soup", random_soup(12, 401), 250},
+          {"book of 3 pages", open_book(3), 200},
+          {"near sheets", joined(square, scaled(square, 1, Vec3(0, 0, 0.03))), 300},
+          {"crossing sheets", joined(amps::make_cube(2), scaled(amps::make_cube(2), 0.7)), 200},
           {"hourglass", hourglass(), 300}};
 }
 
@@ -122,8 +118,8 @@ TEST_CASE("dual_star: stars are the dual triangles at a sample, their kind and r
   for (const TestDiagram& test : test_diagrams()) {
     CAPTURE(test.name);
     amps::SamplingOptions options;
-    options.radius = amps_test::radius_for(test.mesh, test.count);
-    const RestrictedPowerDiagram diagram = amps::detail::diagram_of(test.mesh, amps::sample(test.mesh, options).samples, 1);
+    options.radius = radius_for(test.mesh, test.count);
+    const Diagram diagram = amps::detail::diagram_of(test.mesh, amps::sample(test.mesh, options).samples, 1);
     std::vector<Link> links(at(diagram.num_sites()));
     std::vector<std::vector<StarReader::Pair>> pairs(links.size());
     for (const Triple& t : triples_of(diagram)) {
@@ -166,8 +162,8 @@ TEST_CASE("dual_star: energies sum to those of all triangles and valences, and w
   for (const TestDiagram& test : test_diagrams()) {
     CAPTURE(test.name);
     amps::SamplingOptions options;
-    options.radius = amps_test::radius_for(test.mesh, test.count);
-    const RestrictedPowerDiagram diagram = amps::detail::diagram_of(test.mesh, amps::sample(test.mesh, options).samples, 1);
+    options.radius = radius_for(test.mesh, test.count);
+    const Diagram diagram = amps::detail::diagram_of(test.mesh, amps::sample(test.mesh, options).samples, 1);
     const auto x = [&](Index s) { return diagram.site(s).position(); };
     for (const bool crossings : {false, true}) {
       CAPTURE(crossings);
@@ -186,7 +182,7 @@ TEST_CASE("dual_star: energies sum to those of all triangles and valences, and w
           links[at(t[k])][a].insert(b);
           links[at(t[k])][b].insert(a);
           const Vec3 u = x(a) - x(t[k]), v = x(b) - x(t[k]);
-          const double angle = std::atan2(u.cross(v).norm(), u.dot(v)) * 180 / 3.14159265358979323846;
+          const double angle = std::atan2(u.cross(v).norm(), u.dot(v)) / kDegree;
           min_angle = std::min(min_angle, angle);
           max_angle = std::max(max_angle, angle);
         }
@@ -231,3 +227,5 @@ TEST_CASE("dual_star: no triangle has no angles") {
   CHECK(none.min_angle() == 0);
   CHECK(none.max_angle() == 0);
 }
+
+}  // namespace amps_test

@@ -1,11 +1,15 @@
 // Edits of samples, diagram and grid against a plain list of samples, from which all three are made anew.
 #include "amps/sample_edit.h"
 
+#include "kit/diagrams.h"
+#include "kit/meshes.h"
+#include "kit/models.h"
+#include "kit/random.h"
+#include "kit/sites.h"
+
 #include "amps/maximality.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
-#include "test_diagrams.h"
-#include "test_models.h"
 
 #include <doctest/doctest.h>
 
@@ -17,65 +21,44 @@
 #include <utility>
 #include <vector>
 
-using amps::Index;
-using amps::kNone;
-using amps::Mesh;
-using amps::MeshView;
-using amps::RestrictedPowerDiagram;
-using amps::Rng;
+namespace amps_test {
+namespace {
+
 using amps::SampleSet;
-using amps::Vec3;
 using amps::detail::EditableSamples;
-using amps::detail::NewSample;
+using amps::detail::Sample;
 using amps::detail::SampleChange;
 using amps::detail::SampleEdit;
 using amps::detail::VoxelGrid;
 
-namespace {
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
 /// What there should be: the samples by id.
 struct Entry {
-  NewSample sample;
+  Sample sample;
   bool is_new;
 };
 using Expected = std::map<Index, Entry>;
 
-bool same_sample(const NewSample& a, const NewSample& b) {
-  return a.x == b.x && a.radius == b.radius && a.at.facet == b.at.facet && a.at.barycentric == b.at.barycentric;
+bool same_sample(const Sample& a, const Sample& b) {
+  return a.position() == b.position() && a.radius == b.radius && a.at.facet == b.at.facet &&
+         a.at.barycentric == b.at.barycentric;
 }
 
-NewSample random_sample(const Mesh& mesh, double radius, Rng& rng) {
-  const MeshView view(mesh);
-  NewSample sample;
-  sample.at = {static_cast<Index>(rng.below(static_cast<std::uint64_t>(view.num_facets()))), amps::uniform_barycentric(rng)};
-  for (int k = 0; k < 3; ++k) sample.x += sample.at.barycentric[k] * view.corner(sample.at.facet, k);
-  sample.radius = radius * (0.5 + rng.uniform());
-  return sample;
+Sample random_sample(const Mesh& mesh, double radius, Rng& rng) {
+  const Index facet = below(rng, MeshView(mesh).num_facets());
+  return {amps::detail::surface_point_at(mesh, facet, amps::uniform_barycentric(rng)), radius * between(rng, 0.5, 1.5)};
 }
 
 /// A diagram, made anew, with the ids that are expected.
-amps_test::CanonicalDiagram rebuilt(const Mesh& mesh, const Expected& expected) {
-  amps_test::Sites sites{amps::Points(static_cast<Index>(expected.size()), 3), Eigen::VectorXd(expected.size())};
+CanonicalDiagram rebuilt(const Mesh& mesh, const Expected& expected) {
+  WeightedPoints list;
   std::vector<Index> ids;
   for (const auto& [id, entry] : expected) {
-    const auto row = static_cast<Index>(ids.size());
-    sites.positions.row(row) = entry.sample.x.transpose();
-    sites.weights[row] = entry.sample.radius * entry.sample.radius;
+    const Vec3& x = entry.sample.position();
+    list.push_back({x.x(), x.y(), x.z(), entry.sample.radius * entry.sample.radius});
     ids.push_back(id);
   }
-  amps_test::CanonicalDiagram result;
-  const RestrictedPowerDiagram diagram(mesh, sites.positions, sites.weights);
-  for (const auto& [key, polygon] : amps_test::canonical(diagram)) {
-    amps_test::Canonical& entry = result[{key.first, ids[at(key.second)]}];
-    // Ids rise with rows, so the least label stays the first.
-    entry = polygon;
-    for (Index& label : entry.labels) {
-      if (RestrictedPowerDiagram::is_site(label)) label = ids[at(label)];
-    }
-  }
-  return result;
+  const Sites sites = sites_of(list);
+  return canonical(Diagram(mesh, sites.positions, sites.weights), ids);
 }
 
 /// Grid and set, asked and compared one by one.
@@ -87,23 +70,24 @@ void check_samples(const Mesh& mesh, const EditableSamples& samples, const Expec
   REQUIRE(alive.size() == expected.size());
   for (const auto& [id, entry] : expected) {
     REQUIRE(samples.alive(id));
-    CHECK(same_sample({samples.position(id), samples.at(id), samples.radius(id)}, entry.sample));
+    CHECK(same_sample(samples[id], entry.sample));
     CHECK(samples.is_new(id) == entry.is_new);
     CHECK(samples.diagram().site(id).w == entry.sample.radius * entry.sample.radius);
   }
   for (int query = 0; query < 20; ++query) {
-    const NewSample dart = random_sample(mesh, radius, rng);
+    const Sample dart = random_sample(mesh, radius, rng);
     bool conflict = false;
     double nearest = INFINITY;
     for (const auto& [id, entry] : expected) {
-      const double d = (entry.sample.x - dart.x).squaredNorm(), r = std::max(entry.sample.radius, dart.radius);
+      const double d = (entry.sample.position() - dart.position()).squaredNorm(),
+                   r = std::max(entry.sample.radius, dart.radius);
       conflict = conflict || d < r * r;
       nearest = std::min(nearest, d);
     }
-    const Index found = samples.grid().conflicting_sample(dart.x, dart.radius, amps::ConflictRule::kMax);
+    const Index found = samples.grid().conflicting_sample(dart.position(), dart.radius, amps::ConflictRule::kMax);
     CHECK((found != kNone) == conflict);
     if (found != kNone) CHECK(expected.count(found) == 1);
-    const double by_grid = samples.grid().nearest_squared_distance(dart.x, 2 * radius);
+    const double by_grid = samples.grid().nearest_squared_distance(dart.position(), 2 * radius);
     if (nearest <= 4 * radius * radius) CHECK(by_grid == nearest);
   }
   std::vector<Index> ids;
@@ -111,9 +95,7 @@ void check_samples(const Mesh& mesh, const EditableSamples& samples, const Expec
   REQUIRE(ids.size() == expected.size());
   for (Index row = 0; row < set.size(); ++row) {
     const Entry& entry = expected.at(ids[at(row)]);
-    CHECK(same_sample(
-        {set.positions.row(row).transpose(), {set.facets[at(row)], set.barycentrics.row(row).transpose()}, set.radii[row]},
-        entry.sample));
+    CHECK(same_sample(amps::detail::sample_of(set, row), entry.sample));
     if (row == 0) continue;  // given ones first, each kind by id
     const Entry& before = expected.at(ids[at(row - 1)]);
     CHECK(std::make_pair(before.is_new, ids[at(row - 1)]) < std::make_pair(entry.is_new, ids[at(row)]));
@@ -121,7 +103,7 @@ void check_samples(const Mesh& mesh, const EditableSamples& samples, const Expec
 }
 
 /// Sites with other fragments in one of the two than in the other.
-std::set<Index> sites_that_differ(const amps_test::CanonicalDiagram& a, const amps_test::CanonicalDiagram& b) {
+std::set<Index> sites_that_differ(const CanonicalDiagram& a, const CanonicalDiagram& b) {
   std::set<Index> sites;
   for (const auto& [key, polygon] : a) {
     const auto found = b.find(key);
@@ -143,18 +125,14 @@ class Session {
         diagram_(amps::detail::diagram_of(mesh, set_, 1)),
         samples_(diagram_, set_, VoxelGrid(amps::bounding_box(mesh), radius / 2, 3 * radius / 2)),
         rng_(seed) {
-    for (Index s = 0; s < set_.size(); ++s) {
-      expected_[s] = {
-          {set_.positions.row(s).transpose(), {set_.facets[at(s)], set_.barycentrics.row(s).transpose()}, set_.radii[s]},
-          false};
-    }
+    for (Index s = 0; s < set_.size(); ++s) expected_[s] = {amps::detail::sample_of(set_, s), false};
   }
 
   enum class End { kKeep, kUndo };
 
   /// A random edit, in one of the orders that are allowed, and all that can be said of it.
   SampleChange edit(End end) {
-    const amps_test::CanonicalDiagram before = amps_test::canonical(diagram_);
+    const CanonicalDiagram before = canonical(diagram_);
     Expected after = expected_;
     std::vector<Index> removed;
     for (auto n = rng_.below(4); n > 0 && removed.size() + 2 < expected_.size(); --n) {
@@ -163,8 +141,8 @@ class Session {
     }
     SampleEdit edit(samples_, removed);
     for (const Index s : removed) {
-      const NewSample& gone = expected_.at(s).sample;
-      const Index near = samples_.grid().conflicting_sample(gone.x, 0, amps::ConflictRule::kMax);
+      const Sample& gone = expected_.at(s).sample;
+      const Index near = samples_.grid().conflicting_sample(gone.position(), 0, amps::ConflictRule::kMax);
       CHECK(std::find(removed.begin(), removed.end(), near) == removed.end());
     }
     const bool first_out = rng_.below(2) == 0, in_diagram = end == End::kKeep || rng_.below(4) != 0;
@@ -178,10 +156,10 @@ class Session {
     if (!first_out && in_diagram) edit.take_out();
     if (end == End::kUndo) {
       edit.undo();
-      CHECK(amps_test::canonical(diagram_) == before);
+      CHECK(canonical(diagram_) == before);
       return {};
     }
-    const amps_test::CanonicalDiagram now = amps_test::canonical(diagram_);
+    const CanonicalDiagram now = canonical(diagram_);
     const std::set<Index> differ = sites_that_differ(before, now);
     const std::vector<Index> fragments = edit.changed_fragments();
     CHECK(std::is_sorted(fragments.begin(), fragments.end()));
@@ -197,14 +175,14 @@ class Session {
   }
 
   void check() {
-    CHECK(amps_test::canonical(diagram_) == rebuilt(mesh_, expected_));
+    CHECK(canonical(diagram_) == rebuilt(mesh_, expected_));
     check_samples(mesh_, samples_, expected_, radius_, rng_);
   }
 
   const Expected& expected() const { return expected_; }
   void expect(const Expected& expected) { expected_ = expected; }
   EditableSamples& samples() { return samples_; }
-  RestrictedPowerDiagram& diagram() { return diagram_; }
+  Diagram& diagram() { return diagram_; }
   Rng& rng() { return rng_; }
   double radius() const { return radius_; }
   const Mesh& mesh() const { return mesh_; }
@@ -218,7 +196,7 @@ class Session {
 
   void enter(SampleEdit& edit, Expected* after) {
     for (auto n = 1 + rng_.below(3); n > 0; --n) {
-      const NewSample sample = random_sample(mesh_, radius_, rng_);
+      const Sample sample = random_sample(mesh_, radius_, rng_);
       const Index s = edit.enter(sample, kNone);
       CHECK(edit.has_added(s));
       CHECK(expected_.count(s) == 0);
@@ -231,17 +209,17 @@ class Session {
   Mesh mesh_;
   double radius_;
   SampleSet set_;
-  RestrictedPowerDiagram diagram_;
+  Diagram diagram_;
   EditableSamples samples_;
   Expected expected_;
   Rng rng_;
 };
 
-std::vector<amps_test::NamedMesh> edit_meshes() {
+std::vector<NamedMesh> edit_meshes() {
   return {{"sphere", amps::make_sphere(180)},
           {"square", amps::make_square(3)},
-          {"soup", amps_test::random_soup(12, 11)},
-          {"book of 3 pages", amps_test::open_book(3)}};
+          {"soup", random_soup(12, 11)},
+          {"book of 3 pages", open_book(3)}};
 }
 
 }  // namespace
@@ -250,7 +228,7 @@ TEST_CASE("sample_edit: after any edits diagram, grid and set are those of the s
   std::uint64_t seed = 1;
   for (const auto& model : edit_meshes()) {
     CAPTURE(model.name);
-    Session session(model.mesh, amps_test::radius_for(model.mesh, 60), seed++);
+    Session session(model.mesh, radius_for(model.mesh, 60), seed++);
     session.check();
     for (int round = 0; round < 60; ++round) {
       CAPTURE(round);
@@ -265,22 +243,22 @@ TEST_CASE("sample_edit: a series of edits that were kept is undone as if it had 
   std::uint64_t seed = 101;
   for (const auto& model : edit_meshes()) {
     CAPTURE(model.name);
-    Session session(model.mesh, amps_test::radius_for(model.mesh, 60), seed++);
+    Session session(model.mesh, radius_for(model.mesh, 60), seed++);
     for (int round = 0; round < 12; ++round) {
       CAPTURE(round);
       session.edit(Session::End::kKeep);
       const Expected before = session.expected();
-      const amps_test::CanonicalDiagram diagram = amps_test::canonical(session.diagram());
+      const CanonicalDiagram diagram = canonical(session.diagram());
       std::vector<SampleChange> series;
       for (int k = 0; k < round; ++k) {
         if (session.rng().below(4) == 0) session.edit(Session::End::kUndo);
         series.push_back(session.edit(Session::End::kKeep));
       }
-      const std::set<Index> differ = sites_that_differ(diagram, amps_test::canonical(session.diagram()));
+      const std::set<Index> differ = sites_that_differ(diagram, canonical(session.diagram()));
       const std::vector<Index> affected = SampleEdit::undo_all(session.samples(), series);
       CHECK(series.empty());
       session.expect(before);
-      CHECK(amps_test::canonical(session.diagram()) == diagram);
+      CHECK(canonical(session.diagram()) == diagram);
       session.check();
       for (const Index s : affected) CHECK(before.count(s) == 1);
       for (const Index s : differ) {
@@ -292,7 +270,7 @@ TEST_CASE("sample_edit: a series of edits that were kept is undone as if it had 
 
 TEST_CASE("sample_edit: ids are used again, those of undone edits too") {
   const Mesh mesh = amps::make_sphere(180);
-  Session session(mesh, amps_test::radius_for(mesh, 60), 7);
+  Session session(mesh, radius_for(mesh, 60), 7);
   for (int round = 0; round < 200; ++round) session.edit(round % 2 == 0 ? Session::End::kUndo : Session::End::kKeep);
   const auto alive = static_cast<Index>(session.expected().size());
   // At most as many ids as there ever were samples at a time: what one edit removes and adds comes on top.
@@ -303,29 +281,30 @@ TEST_CASE("sample_edit: ids are used again, those of undone edits too") {
 
 TEST_CASE("sample_edit: disks are apart if no centre is in another disk, samples that go not counted") {
   const Mesh mesh = amps::make_square(3);
-  Session session(mesh, amps_test::radius_for(mesh, 60), 9);
+  Session session(mesh, radius_for(mesh, 60), 9);
   int apart = 0, close = 0;
   for (int round = 0; round < 3000; ++round) {
     std::vector<Index> removed;
     Expected left = session.expected();
-    const Vec3 centre = random_sample(mesh, session.radius(), session.rng()).x;
+    const Vec3 centre = random_sample(mesh, session.radius(), session.rng()).position();
     for (const auto& [id, entry] : session.expected()) {
-      if ((entry.sample.x - centre).norm() < 1.5 * session.radius()) removed.push_back(id);
+      if ((entry.sample.position() - centre).norm() < 1.5 * session.radius()) removed.push_back(id);
     }
     for (const Index s : removed) left.erase(s);
-    std::vector<NewSample> disks;
+    std::vector<Sample> disks;
     for (int k = 0; k < 2; ++k) {
       disks.push_back(random_sample(mesh, 0.5 * session.radius(), session.rng()));
       if (round % 2 == 0) {
-        disks.back().x = centre + session.radius() * Vec3(session.rng().uniform() - 0.5, session.rng().uniform() - 0.5, 0);
+        disks.back().at.position =
+            centre + session.radius() * Vec3(session.rng().uniform() - 0.5, session.rng().uniform() - 0.5, 0);
       }
     }
     bool expected = true;
-    const auto keeps_apart = [](const NewSample& a, const NewSample& b) {
+    const auto keeps_apart = [](const Sample& a, const Sample& b) {
       const double r = std::max(a.radius, b.radius);
-      return !((a.x - b.x).squaredNorm() < r * r);
+      return !((a.position() - b.position()).squaredNorm() < r * r);
     };
-    for (const NewSample& disk : disks) {
+    for (const Sample& disk : disks) {
       for (const auto& [id, entry] : left) expected = expected && keeps_apart(disk, entry.sample);
     }
     expected = expected && keeps_apart(disks[0], disks[1]);
@@ -338,3 +317,5 @@ TEST_CASE("sample_edit: disks are apart if no centre is in another disk, samples
   CHECK(close > 100);
   session.check();
 }
+
+}  // namespace amps_test
