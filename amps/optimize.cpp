@@ -68,7 +68,7 @@ constexpr int kMaxRefillSamples = 64;
 /// Fills what an edit leaves uncovered.
 class EditFiller {
  public:
-  EditFiller(const EditableSamples& samples, const RefillRadii& radii, Rng& rng)
+  EditFiller(const EditableSamples& samples, const WantedRadii& radii, Rng& rng)
       : samples_(samples), diagram_(samples.diagram()), radii_(radii), rng_(rng) {}
 
   /// Darts in the gaps that the edit has changed until there is none; false if that takes too many.
@@ -104,14 +104,13 @@ class EditFiller {
     gap_of(f);
     const auto polygon = diagram_.polygon(f);
     for (int dart = 0; dart < kDartsPerGap; ++dart) {
-      NewSample sample;
+      Sample sample;
       sample.at = surface_point_below(diagram_.mesh(), polygon.facet, gap_.sample(rng_));
-      sample.x = position_of(diagram_.mesh(), sample.at);
-      if (!sample.x.allFinite()) continue;
-      if (samples_.grid().conflicting_sample(sample.x, 0, ConflictRule::kMax) != kNone) continue;
+      const Vec3& x = sample.position();
+      if (!x.allFinite() || samples_.grid().conflicting_sample(x, 0, ConflictRule::kMax) != kNone) continue;
       sample.radius = radii_.at(sample.at);
-      if (!radii_.field.empty()) {
-        sample.radius = radius_below(sample.radius, samples_.grid().nearest_squared_distance(sample.x, sample.radius));
+      if (radii_.lowers()) {
+        sample.radius = radii_.lowered(sample.radius, samples_.grid().nearest_squared_distance(x, sample.radius));
       }
       edit.enter(sample, polygon.site);
       return true;
@@ -121,23 +120,27 @@ class EditFiller {
 
   const EditableSamples& samples_;
   const RestrictedPowerDiagram& diagram_;
-  const RefillRadii& radii_;
+  const WantedRadii& radii_;
   Rng& rng_;
   std::vector<std::pair<Index, double>> gaps_;  ///< fragments, and the area of their gaps and all before
   FragmentGap gap_;
 };
 
-/// A grid for the samples there are and those to come.
-VoxelGrid grid_for(const MeshView& mesh, const SampleSet& samples, const SizingField& sizing) {
-  double min = min_radius(samples), max = max_radius(samples);
-  if (!sizing.empty()) {
-    min = std::min(min, sizing.min_radius());
-    max = std::max(max, sizing.max_radius());
-  }
+/// Radii of samples to come beside those there are.
+WantedRadii radii_of(const OptimizeOptions& options, const SampleSet& samples) {
+  const double min = min_radius(samples), max = max_radius(samples);
+  const WantedRadii wanted =
+      options.sizing.empty() ? WantedRadii(min, ConflictRule::kMax) : WantedRadii(options.sizing, ConflictRule::kMax);
+  return wanted.beside(min, max);
+}
+
+/// For the samples there are and those to come.
+VoxelGrid grid_for(const MeshView& mesh, const WantedRadii& radii) {
+  const double min = radii.min_of_set(), max = radii.max_of_set();
   const Box box = bounding_box(mesh);
   if (!VoxelGrid::fits(box, min, max)) {
-    throw Error(ErrorCode::kTooLarge, "optimisation: radii from " + std::to_string(min) + " to " + std::to_string(max) +
-                                          " are out of proportion to the mesh's diagonal " + std::to_string(box.diagonal()) +
+    throw Error(ErrorCode::kTooLarge, "optimisation: radii from " + number_text(min) + " to " + number_text(max) +
+                                          " are out of proportion to the mesh's diagonal " + number_text(box.diagonal()) +
                                           "; stay between 1e-6 and 1e6 of it");
   }
   return VoxelGrid(box, min, max);
@@ -151,8 +154,8 @@ struct OptimizeState {
         options(given_options),
         rating(options.angles, options.valences, min_angle, max_angle),
         reader(diagram, rating),
-        radii{options.sizing, min_radius(set)},
-        samples(given, set, grid_for(diagram.mesh(), set, options.sizing)),
+        radii(radii_of(options, set)),
+        samples(given, set, grid_for(diagram.mesh(), radii)),
         rng(options.seed) {
     report.min_angle = min_angle;
     report.max_angle = max_angle;
@@ -169,7 +172,7 @@ struct OptimizeState {
   const OptimizeOptions& options;
   const DualRating rating;
   StarReader reader;
-  const RefillRadii radii;
+  const WantedRadii radii;
   EditableSamples samples;
   DualStars stars;  ///< of `samples`, up to date between edits
   Rng rng;
@@ -197,7 +200,9 @@ AngleRange angles_of_all(OptimizeState& state) {
   AngleRange range;
   const EditableSamples& samples = state.samples;
   const std::vector<DualStar>& stars = state.stars.star;
-  const auto add = [&](Index a, Index b, Index c) { range.add(samples.position(a), samples.position(b), samples.position(c)); };
+  const auto add = [&](Index a, Index b, Index c) {
+    range.add(samples[a].position(), samples[b].position(), samples[c].position());
+  };
   for (Index s = 0; s < samples.size(); ++s) {
     if (!samples.alive(s)) continue;
     const DualStar& star = stars[slot(s)];
@@ -246,7 +251,7 @@ class Refiller {
     }
     ++report.edits;
     Index near = proposal.removed.front();
-    for (const NewSample& sample : proposal.added) near = edit.enter(sample, near);
+    for (const Sample& sample : proposal.added) near = edit.enter(sample, near);
     edit.take_out();
     if (filler_.fill(edit) && energy_change(edit) < -kMinGain) {
       keep(edit);
@@ -465,7 +470,7 @@ class Optimizer {
     }
     for (const BadItem& item : items) {
       ++(item.is_vertex() ? line.bad_vertices : line.bad_triangles);
-      if (!item.is_vertex()) range.add(samples.position(item.a), samples.position(item.b), samples.position(item.c));
+      if (!item.is_vertex()) range.add(samples[item.a].position(), samples[item.b].position(), samples[item.c].position());
     }
     line.min_angle = range.min_angle();
     line.max_angle = range.max_angle();
@@ -572,11 +577,10 @@ void require_optimize_options(const OptimizeOptions& options) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "optimisation: " + what); };
   const auto bounded = [](double x, double low, double high) { return x == 0 || (x > low && x < high); };
   if (!bounded(options.min_angle, 0, 60)) {
-    fail("min_angle is " + std::to_string(options.min_angle) +
-         "; it must be above 0 and below 60 degrees, or 0 for the default");
+    fail("min_angle is " + number_text(options.min_angle) + "; it must be above 0 and below 60 degrees, or 0 for the default");
   }
   if (!bounded(options.max_angle, 60, 180)) {
-    fail("max_angle is " + std::to_string(options.max_angle) +
+    fail("max_angle is " + number_text(options.max_angle) +
          "; it must be above 60 and below 180 degrees, or 0 for the default");
   }
   if (options.max_iterations < 0)
@@ -620,8 +624,7 @@ bool has_gaps(const RestrictedPowerDiagram& diagram) {
 OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids) {
   require_optimize_options(options);
-  const bool uniform = min_radius(samples) == max_radius(samples);
-  const auto [min_angle, max_angle] = bounds_of(options, uniform);
+  const auto [min_angle, max_angle] = bounds_of(options, radii_of(options, samples).uniform());
   Optimizer optimizer(diagram, samples, options, min_angle, max_angle);
   OptimizeResult result;
   result.report = optimizer.run();

@@ -1,8 +1,6 @@
 #define AMPS_OWN_SOURCE
 #include "amps/refill.h"
 
-#include "amps/wanted_radii.h"
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -194,20 +192,15 @@ void RefillFinder::fill_pool(Rng& rng) {
     const bool other_half = along_u + along_v > 1;  // of the parallelogram
     along_u = other_half ? 1 - along_u : along_u;
     along_v = other_half ? 1 - along_v : along_v;
-    const Vec3 x = piece.corner + along_u * piece.u + along_v * piece.v;
+    const Vec3 drawn = piece.corner + along_u * piece.u + along_v * piece.v;
     double nearest = INFINITY;
-    if (!others_.are_apart(x, nearest)) continue;
-    NewSample sample;
-    sample.at = surface_point_below(diagram_.mesh(), piece.facet, x);
-    sample.x = position_of(diagram_.mesh(), sample.at);  // beside x by rounding, so it is looked at anew
+    if (!others_.are_apart(drawn, nearest)) continue;
+    Sample sample;
+    sample.at = surface_point_below(diagram_.mesh(), piece.facet, drawn);
+    const Vec3& x = sample.position();  // where it was drawn but for rounding, so it is looked at anew
     nearest = INFINITY;
-    if (!sample.x.allFinite() || !others_.are_apart(sample.x, nearest)) continue;
-    sample.radius = radii_.at(sample.at);
-    if (!radii_.field.empty()) {
-      sample.radius = radius_below(sample.radius, nearest);
-    } else if (nearest < sample.radius * sample.radius) {
-      continue;
-    }
+    if (!x.allFinite() || !others_.are_apart(x, nearest)) continue;
+    sample.radius = radii_.lowered(radii_.at(sample.at), nearest);
     pool_.push_back(sample);
   }
 }
@@ -219,16 +212,15 @@ bool RefillFinder::try_refill(Rng& rng) {
   open_.resize(pool_.size());
   for (std::size_t k = 0; k < open_.size(); ++k) open_[k] = static_cast<std::uint8_t>(k);
   while (!open_.empty()) {
-    NewSample next = pool_[open_[rng.below(open_.size())]];
-    for (const NewSample& other : chosen_) {
-      if (!radii_.field.empty()) next.radius = radius_below(next.radius, (next.x - other.x).squaredNorm());
-    }
-    if (!trial_.insert(next.x, next.radius * next.radius)) return false;
+    Sample next = pool_[open_[rng.below(open_.size())]];
+    const Vec3 x = next.position();
+    for (const Sample& other : chosen_) next.radius = radii_.lowered(next.radius, (x - other.position()).squaredNorm());
+    if (!trial_.insert(x, next.radius * next.radius)) return false;
     chosen_.push_back(next);
     const double reach = next.radius * next.radius;
-    open_.erase(
-        std::remove_if(open_.begin(), open_.end(), [&](std::uint8_t k) { return (pool_[k].x - next.x).squaredNorm() < reach; }),
-        open_.end());
+    open_.erase(std::remove_if(open_.begin(), open_.end(),
+                               [&](std::uint8_t k) { return (pool_[k].position() - x).squaredNorm() < reach; }),
+                open_.end());
   }
   return !trial_.has_gap();
 }

@@ -7,8 +7,8 @@
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
 #include "amps/samples.h"
-#include "amps/sizing.h"
 #include "amps/trial_patch.h"
+#include "amps/wanted_radii.h"
 
 #include <array>
 #include <cstddef>
@@ -16,13 +16,6 @@
 #include <vector>
 
 namespace amps::detail {
-
-/// A sample to be.
-struct NewSample {
-  Vec3 x = Vec3::Zero();
-  SurfacePoint at;
-  double radius = 0;
-};
 
 /// What to do about a bad item.
 struct Proposal {
@@ -32,16 +25,9 @@ struct Proposal {
     kInPlace,  ///< there was no copy to try on: try in the diagram itself
   } kind = Kind::kNothing;
   std::vector<Index> removed;
-  std::vector<NewSample> added;
+  std::vector<Sample> added;
   std::vector<Index> seen;  ///< samples it depends on
   std::uint64_t trials = 0;
-};
-
-/// Wanted radii of new samples.
-struct RefillRadii {
-  SizingField field;
-  double min = 0;
-  double at(const SurfacePoint& x) const { return field.empty() ? min : field.radius(x); }
 };
 
 /// The disks of a patch side by side, for many tests whose outcome cannot be predicted: eight at a time, without branches.
@@ -68,7 +54,7 @@ class RefillFinder {
  public:
   /// `refills`: tried of each patch.
   RefillFinder(const RestrictedPowerDiagram& diagram, const DualStars& stars, const DualRating& rating,
-               const RefillRadii& radii, int refills)
+               const WantedRadii& radii, int refills)
       : diagram_(diagram), stars_(stars), radii_(radii), refills_(refills), patch_(rating), trial_(rating) {}
 
   /// kInPlace is the answer where nothing is found and a patch could not be copied (boundaries).
@@ -91,7 +77,7 @@ class RefillFinder {
 
   const RestrictedPowerDiagram& diagram_;
   const DualStars& stars_;
-  const RefillRadii& radii_;
+  const WantedRadii& radii_;
   int refills_;
   double best_gain_ = 0;
   bool all_good_ = false;  ///< nothing is bad in the patch any more, and no sample has been added: no need to look further
@@ -101,7 +87,7 @@ class RefillFinder {
   NearbyDisks others_;
   std::vector<Piece> pieces_;
   std::vector<double> up_to_;  ///< twice the area of a piece and all before it
-  std::vector<NewSample> pool_, chosen_;
+  std::vector<Sample> pool_, chosen_;
   std::vector<std::uint8_t> open_;
 };
 

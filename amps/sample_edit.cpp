@@ -1,8 +1,6 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sample_edit.h"
 
-#include "amps/predicates.h"
-
 #include <algorithm>
 #include <utility>
 
@@ -19,54 +17,43 @@ void sort_each_once(std::vector<Index>& ids) {
 EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, VoxelGrid grid)
     : diagram_(diagram), grid_(std::move(grid)) {
   const auto n = slot(samples.size());
-  at_.resize(n);
-  radius_ = samples.radii;
+  samples_.reserve(n);
   alive_.assign(n, 1);
   is_new_.assign(n, 0);
-  for (Index s = 0; s < size(); ++s) {
-    if (!samples.facets.empty()) at_[slot(s)] = {samples.facets[slot(s)], samples.barycentrics.row(s).transpose()};
-    grid_.insert(position(s), radius(s), s);
+  for (Index s = 0; s < samples.size(); ++s) {
+    samples_.push_back(sample_of(samples, s));
+    grid_.insert(samples_.back().position(), samples_.back().radius, s);
   }
 }
 
-bool EditableSamples::are_apart(const std::vector<NewSample>& disks) const {
+bool EditableSamples::are_apart(const std::vector<Sample>& disks) const {
   for (std::size_t k = 0; k < disks.size(); ++k) {
-    const NewSample& p = disks[k];
-    if (grid_.conflicting_sample(p.x, p.radius, ConflictRule::kMax) != kNone) return false;
+    if (grid_.conflicting_sample(disks[k].position(), disks[k].radius, ConflictRule::kMax) != kNone) return false;
     for (std::size_t j = 0; j < k; ++j) {
-      const double r = std::max(p.radius, disks[j].radius);
-      if (side_of_ball(p.x.data(), disks[j].x.data(), r * r) < 0) return false;
+      if (!detail::are_apart(disks[k], disks[j], ConflictRule::kMax)) return false;
     }
   }
   return true;
 }
 
 SampleSet EditableSamples::collect(std::vector<Index>& ids) const {
+  GrowingSet result;
   ids.clear();
   for (const bool made_here : {false, true}) {
     for (Index s = 0; s < size(); ++s) {
-      if (alive(s) && is_new(s) == made_here) ids.push_back(s);
+      if (!alive(s) || is_new(s) != made_here) continue;
+      ids.push_back(s);
+      result.add((*this)[s]);
     }
   }
-  const auto n = static_cast<Index>(ids.size());
-  SampleSet result;
-  result.positions.resize(n);
-  result.barycentrics.resize(n);
-  for (Index row = 0; row < n; ++row) {
-    const Index s = ids[slot(row)];
-    result.positions.row(row) = position(s).transpose();
-    result.radii.push_back(radius(s));
-    result.facets.push_back(at(s).facet);
-    result.barycentrics.row(row) = at(s).barycentric.transpose();
-  }
-  return result;
+  return result.finish();
 }
 
 SampleEdit::SampleEdit(EditableSamples& samples, const std::vector<Index>& removed) : samples_(samples) {
   for (const Index s : removed) {
-    const NewSample sample{samples.position(s), samples.at(s), samples.radius(s)};
+    const Sample& sample = samples[s];
     change_.removed.push_back({s, sample, samples.is_new(s)});
-    samples.grid_.remove(sample.x, sample.radius, s);
+    samples.grid_.remove(sample.position(), sample.radius, s);
   }
 }
 
@@ -87,29 +74,27 @@ void SampleEdit::take_out() {
 }
 
 /// Under an id that is free, or a new one.
-Index SampleEdit::insert_site(const NewSample& sample, Index near) {
+Index SampleEdit::insert_site(const Sample& sample, Index near) {
   const double weight = sample.radius * sample.radius;
   if (samples_.free_.empty()) {
-    const Index s = samples_.diagram_.insert(sample.x, weight, near);
-    samples_.at_.emplace_back();
-    samples_.radius_.push_back(0);
+    const Index s = samples_.diagram_.insert(sample.position(), weight, near);
+    samples_.samples_.emplace_back();
     samples_.alive_.push_back(0);
     samples_.is_new_.push_back(1);
     return s;
   }
   const Index s = samples_.free_.back();
   samples_.free_.pop_back();
-  samples_.diagram_.reinsert(s, sample.x, weight, near);
+  samples_.diagram_.reinsert(s, sample.position(), weight, near);
   return s;
 }
 
-Index SampleEdit::enter(const NewSample& sample, Index near) {
+Index SampleEdit::enter(const Sample& sample, Index near) {
   const Index s = insert_site(sample, near);
-  samples_.at_[slot(s)] = sample.at;
-  samples_.radius_[slot(s)] = sample.radius;
+  samples_.samples_[slot(s)] = sample;
   samples_.alive_[slot(s)] = 1;
   samples_.is_new_[slot(s)] = 1;
-  samples_.grid_.insert(sample.x, sample.radius, s);
+  samples_.grid_.insert(sample.position(), sample.radius, s);
   change_.added.push_back(s);
   note_changed();
   return s;
@@ -117,7 +102,7 @@ Index SampleEdit::enter(const NewSample& sample, Index near) {
 
 void SampleEdit::withdraw() {
   for (const Index s : change_.added) {
-    samples_.grid_.remove(samples_.position(s), samples_.radius(s), s);
+    samples_.grid_.remove(samples_[s].position(), samples_[s].radius, s);
     remove_site(s);
     samples_.free_.push_back(s);
   }
@@ -158,16 +143,15 @@ void SampleEdit::undo() {
   Index near = neighbor_that_stays();
   withdraw();
   for (const SampleChange::Removed& old : change_.removed) {
-    const NewSample& sample = old.sample;
+    const Sample& sample = old.sample;
     if (!samples_.alive(old.id)) {
-      samples_.diagram_.reinsert(old.id, sample.x, sample.radius * sample.radius, near);
+      samples_.diagram_.reinsert(old.id, sample.position(), sample.radius * sample.radius, near);
       note_changed();
     }
-    samples_.at_[slot(old.id)] = sample.at;
-    samples_.radius_[slot(old.id)] = sample.radius;
+    samples_.samples_[slot(old.id)] = sample;
     samples_.alive_[slot(old.id)] = 1;
     samples_.is_new_[slot(old.id)] = old.is_new;
-    samples_.grid_.insert(sample.x, sample.radius, old.id);
+    samples_.grid_.insert(sample.position(), sample.radius, old.id);
     near = old.id;
   }
 }

@@ -5,9 +5,9 @@
 #include "amps/base.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
-#include "amps/refill.h"
 #include "amps/samples.h"
 #include "amps/voxel_grid.h"
+#include "amps/wanted_radii.h"
 
 #include <utility>
 #include <vector>
@@ -28,14 +28,13 @@ class EditableSamples {
   /// Ids given out so far; some are not alive.
   Index size() const { return static_cast<Index>(alive_.size()); }
   bool alive(Index s) const { return alive_[slot(s)] != 0; }
-  /// Of a sample that is alive: has an edit put it in?
+  /// Has an edit put it in?
   bool is_new(Index s) const { return is_new_[slot(s)] != 0; }
-  Vec3 position(Index s) const { return diagram_.site(s).position(); }
-  double radius(Index s) const { return radius_[slot(s)]; }
-  const SurfacePoint& at(Index s) const { return at_[slot(s)]; }
+  /// Of a sample that is alive, as the next.
+  const Sample& operator[](Index s) const { return samples_[slot(s)]; }
 
   /// Exact: none of these disks has the centre of another one or of a sample in it, nor is its centre in a sample's disk.
-  bool are_apart(const std::vector<NewSample>& disks) const;
+  bool are_apart(const std::vector<Sample>& disks) const;
 
   /// Those that are alive: the given ones in order, then the new ones. `ids` (out): of the rows.
   SampleSet collect(std::vector<Index>& ids) const;
@@ -45,8 +44,7 @@ class EditableSamples {
 
   RestrictedPowerDiagram& diagram_;
   VoxelGrid grid_;
-  std::vector<SurfacePoint> at_;
-  std::vector<double> radius_;
+  std::vector<Sample> samples_;
   std::vector<char> alive_, is_new_;
   std::vector<Index> free_;  ///< ids to be used again
 };
@@ -55,7 +53,7 @@ class EditableSamples {
 struct SampleChange {
   struct Removed {
     Index id;
-    NewSample sample;
+    Sample sample;
     bool is_new;
   };
   std::vector<Removed> removed;
@@ -78,7 +76,7 @@ class SampleEdit {
   /// Takes those to go out of the diagram, before or after others enter. The diagram must not become empty.
   void take_out();
   /// Puts a sample in and returns its id. `near`: a sample in the diagram that is close to it.
-  Index enter(const NewSample& sample, Index near);
+  Index enter(const Sample& sample, Index near);
   /// Takes those that have entered out again; others may enter in their place.
   void withdraw();
 
@@ -100,7 +98,7 @@ class SampleEdit {
  private:
   SampleEdit(EditableSamples& samples, SampleChange&& change) : samples_(samples), change_(std::move(change)) {}
 
-  Index insert_site(const NewSample& sample, Index near);
+  Index insert_site(const Sample& sample, Index near);
   void remove_site(Index s);
   Index neighbor_that_stays() const;
   void note_changed();

@@ -2,11 +2,12 @@
 #include "amps/dual_star.h"
 
 #include "kit/diagrams.h"
-#include "kit/maximality.h"
+#include "kit/meshes.h"
 #include "kit/models.h"
 
 #include "amps/maximality.h"
 #include "amps/sampling.h"
+#include "amps/shapes.h"
 
 #include <doctest/doctest.h>
 
@@ -19,6 +20,7 @@
 #include <vector>
 
 namespace amps_test {
+namespace {
 
 using amps::detail::AngleRange;
 using amps::detail::BadItem;
@@ -26,11 +28,9 @@ using amps::detail::DualRating;
 using amps::detail::DualStar;
 using amps::detail::StarReader;
 
-namespace {
-
 constexpr double kLow = 38, kHigh = 100;
 using Form = StarReader::Form;
-using Triple = Corners;
+using Triple = std::array<Index, 3>;
 
 /// The neighbours of a sample as a graph: who is joined to whom by a triangle at the sample.
 using Link = std::map<Index, std::set<Index>>;
@@ -73,7 +73,7 @@ std::set<Triple> triples_of(const Diagram& diagram) {
   std::set<Triple> triples;
   const Triangles triangles = diagram.dual_triangles();
   for (Index t = 0; t < rows(triangles); ++t) {
-    Triple corners = corners_of(triangles, t);
+    Triple corners = {triangles(t, 0), triangles(t, 1), triangles(t, 2)};
     std::sort(corners.begin(), corners.end());
     triples.insert(corners);
   }
@@ -105,7 +105,7 @@ std::vector<TestDiagram> test_diagrams() {
           {"square", square, 200},
           {"soup", random_soup(12, 401), 250},
           {"book of 3 pages", open_book(3), 200},
-          {"near sheets", two_sheets(0.03), 300},
+          {"near sheets", joined(square, scaled(square, 1, Vec3(0, 0, 0.03))), 300},
           {"crossing sheets", joined(amps::make_cube(2), scaled(amps::make_cube(2), 0.7)), 200},
           {"hourglass", hourglass(), 300}};
 }
@@ -117,8 +117,9 @@ TEST_CASE("dual_star: stars are the dual triangles at a sample, their kind and r
   std::map<Form, int> seen;
   for (const TestDiagram& test : test_diagrams()) {
     CAPTURE(test.name);
-    const SampleSet set = amps::sample(test.mesh, with_radius(radius_for(test.mesh, test.count))).samples;
-    const Diagram diagram = diagram_of(test.mesh, set);
+    amps::SamplingOptions options;
+    options.radius = radius_for(test.mesh, test.count);
+    const Diagram diagram = amps::detail::diagram_of(test.mesh, amps::sample(test.mesh, options).samples, 1);
     std::vector<Link> links(at(diagram.num_sites()));
     std::vector<std::vector<StarReader::Pair>> pairs(links.size());
     for (const Triple& t : triples_of(diagram)) {
@@ -160,8 +161,9 @@ TEST_CASE("dual_star: energies sum to those of all triangles and valences, and w
   const DualRating rating(true, true, kLow, kHigh);
   for (const TestDiagram& test : test_diagrams()) {
     CAPTURE(test.name);
-    const SampleSet set = amps::sample(test.mesh, with_radius(radius_for(test.mesh, test.count))).samples;
-    const Diagram diagram = diagram_of(test.mesh, set);
+    amps::SamplingOptions options;
+    options.radius = radius_for(test.mesh, test.count);
+    const Diagram diagram = amps::detail::diagram_of(test.mesh, amps::sample(test.mesh, options).samples, 1);
     const auto x = [&](Index s) { return diagram.site(s).position(); };
     for (const bool crossings : {false, true}) {
       CAPTURE(crossings);

@@ -2,11 +2,14 @@
 #include "amps/sample_edit.h"
 
 #include "kit/diagrams.h"
-#include "kit/maximality.h"
+#include "kit/meshes.h"
 #include "kit/models.h"
+#include "kit/random.h"
+#include "kit/sites.h"
 
 #include "amps/maximality.h"
 #include "amps/sampling.h"
+#include "amps/shapes.h"
 
 #include <doctest/doctest.h>
 
@@ -19,45 +22,43 @@
 #include <vector>
 
 namespace amps_test {
+namespace {
 
+using amps::SampleSet;
 using amps::detail::EditableSamples;
-using amps::detail::NewSample;
+using amps::detail::Sample;
 using amps::detail::SampleChange;
 using amps::detail::SampleEdit;
 using amps::detail::VoxelGrid;
 
-namespace {
-
 /// What there should be: the samples by id.
 struct Entry {
-  NewSample sample;
+  Sample sample;
   bool is_new;
 };
 using Expected = std::map<Index, Entry>;
 
-bool same_sample(const NewSample& a, const NewSample& b) {
-  return a.x == b.x && a.radius == b.radius && a.at.facet == b.at.facet && a.at.barycentric == b.at.barycentric;
+bool same_sample(const Sample& a, const Sample& b) {
+  return a.position() == b.position() && a.radius == b.radius && a.at.facet == b.at.facet &&
+         a.at.barycentric == b.at.barycentric;
 }
 
-NewSample random_sample(const Mesh& mesh, double radius, Rng& rng) {
-  const MeshView view(mesh);
-  NewSample sample;
-  sample.at = {below(rng, view.num_facets()), amps::uniform_barycentric(rng)};
-  for (int k = 0; k < 3; ++k) sample.x += sample.at.barycentric[k] * view.corner(sample.at.facet, k);
-  sample.radius = radius * (0.5 + rng.uniform());
-  return sample;
+Sample random_sample(const Mesh& mesh, double radius, Rng& rng) {
+  const Index facet = below(rng, MeshView(mesh).num_facets());
+  return {amps::detail::surface_point_at(mesh, facet, amps::uniform_barycentric(rng)), radius * between(rng, 0.5, 1.5)};
 }
 
 /// A diagram, made anew, with the ids that are expected.
 CanonicalDiagram rebuilt(const Mesh& mesh, const Expected& expected) {
-  WeightedPoints sites;
+  WeightedPoints list;
   std::vector<Index> ids;
   for (const auto& [id, entry] : expected) {
-    const auto& [x, place, radius] = entry.sample;
-    sites.push_back({x.x(), x.y(), x.z(), radius * radius});
+    const Vec3& x = entry.sample.position();
+    list.push_back({x.x(), x.y(), x.z(), entry.sample.radius * entry.sample.radius});
     ids.push_back(id);
   }
-  return canonical(Diagram(mesh, positions_of(sites), weights_of(sites)), ids);
+  const Sites sites = sites_of(list);
+  return canonical(Diagram(mesh, sites.positions, sites.weights), ids);
 }
 
 /// Grid and set, asked and compared one by one.
@@ -69,23 +70,24 @@ void check_samples(const Mesh& mesh, const EditableSamples& samples, const Expec
   REQUIRE(alive.size() == expected.size());
   for (const auto& [id, entry] : expected) {
     REQUIRE(samples.alive(id));
-    CHECK(same_sample({samples.position(id), samples.at(id), samples.radius(id)}, entry.sample));
+    CHECK(same_sample(samples[id], entry.sample));
     CHECK(samples.is_new(id) == entry.is_new);
     CHECK(samples.diagram().site(id).w == entry.sample.radius * entry.sample.radius);
   }
   for (int query = 0; query < 20; ++query) {
-    const NewSample dart = random_sample(mesh, radius, rng);
+    const Sample dart = random_sample(mesh, radius, rng);
     bool conflict = false;
-    double nearest = kInfinity;
+    double nearest = INFINITY;
     for (const auto& [id, entry] : expected) {
-      const double d = (entry.sample.x - dart.x).squaredNorm(), r = std::max(entry.sample.radius, dart.radius);
+      const double d = (entry.sample.position() - dart.position()).squaredNorm(),
+                   r = std::max(entry.sample.radius, dart.radius);
       conflict = conflict || d < r * r;
       nearest = std::min(nearest, d);
     }
-    const Index found = samples.grid().conflicting_sample(dart.x, dart.radius, amps::ConflictRule::kMax);
+    const Index found = samples.grid().conflicting_sample(dart.position(), dart.radius, amps::ConflictRule::kMax);
     CHECK((found != kNone) == conflict);
     if (found != kNone) CHECK(expected.count(found) == 1);
-    const double by_grid = samples.grid().nearest_squared_distance(dart.x, 2 * radius);
+    const double by_grid = samples.grid().nearest_squared_distance(dart.position(), 2 * radius);
     if (nearest <= 4 * radius * radius) CHECK(by_grid == nearest);
   }
   std::vector<Index> ids;
@@ -93,7 +95,7 @@ void check_samples(const Mesh& mesh, const EditableSamples& samples, const Expec
   REQUIRE(ids.size() == expected.size());
   for (Index row = 0; row < set.size(); ++row) {
     const Entry& entry = expected.at(ids[at(row)]);
-    CHECK(same_sample({sample_at(set, row), {facet_of(set, row), barycentric_of(set, row)}, set.radii[row]}, entry.sample));
+    CHECK(same_sample(amps::detail::sample_of(set, row), entry.sample));
     if (row == 0) continue;  // given ones first, each kind by id
     const Entry& before = expected.at(ids[at(row - 1)]);
     CHECK(std::make_pair(before.is_new, ids[at(row - 1)]) < std::make_pair(entry.is_new, ids[at(row)]));
@@ -119,13 +121,11 @@ class Session {
   Session(const Mesh& mesh, double radius, std::uint64_t seed)
       : mesh_(mesh),
         radius_(radius),
-        set_(amps::sample(mesh, with_radius(radius)).samples),
-        diagram_(diagram_of(mesh, set_)),
+        set_(set_of(mesh, radius)),
+        diagram_(amps::detail::diagram_of(mesh, set_, 1)),
         samples_(diagram_, set_, VoxelGrid(amps::bounding_box(mesh), radius / 2, 3 * radius / 2)),
         rng_(seed) {
-    for (Index s = 0; s < set_.size(); ++s) {
-      expected_[s] = {{sample_at(set_, s), {facet_of(set_, s), barycentric_of(set_, s)}, set_.radii[s]}, false};
-    }
+    for (Index s = 0; s < set_.size(); ++s) expected_[s] = {amps::detail::sample_of(set_, s), false};
   }
 
   enum class End { kKeep, kUndo };
@@ -141,8 +141,8 @@ class Session {
     }
     SampleEdit edit(samples_, removed);
     for (const Index s : removed) {
-      const NewSample& gone = expected_.at(s).sample;
-      const Index near = samples_.grid().conflicting_sample(gone.x, 0, amps::ConflictRule::kMax);
+      const Sample& gone = expected_.at(s).sample;
+      const Index near = samples_.grid().conflicting_sample(gone.position(), 0, amps::ConflictRule::kMax);
       CHECK(std::find(removed.begin(), removed.end(), near) == removed.end());
     }
     const bool first_out = rng_.below(2) == 0, in_diagram = end == End::kKeep || rng_.below(4) != 0;
@@ -188,9 +188,15 @@ class Session {
   const Mesh& mesh() const { return mesh_; }
 
  private:
+  static SampleSet set_of(const Mesh& mesh, double radius) {
+    amps::SamplingOptions options;
+    options.radius = radius;
+    return amps::sample(mesh, options).samples;
+  }
+
   void enter(SampleEdit& edit, Expected* after) {
     for (auto n = 1 + rng_.below(3); n > 0; --n) {
-      const NewSample sample = random_sample(mesh_, radius_, rng_);
+      const Sample sample = random_sample(mesh_, radius_, rng_);
       const Index s = edit.enter(sample, kNone);
       CHECK(edit.has_added(s));
       CHECK(expected_.count(s) == 0);
@@ -280,24 +286,25 @@ TEST_CASE("sample_edit: disks are apart if no centre is in another disk, samples
   for (int round = 0; round < 3000; ++round) {
     std::vector<Index> removed;
     Expected left = session.expected();
-    const Vec3 centre = random_sample(mesh, session.radius(), session.rng()).x;
+    const Vec3 centre = random_sample(mesh, session.radius(), session.rng()).position();
     for (const auto& [id, entry] : session.expected()) {
-      if ((entry.sample.x - centre).norm() < 1.5 * session.radius()) removed.push_back(id);
+      if ((entry.sample.position() - centre).norm() < 1.5 * session.radius()) removed.push_back(id);
     }
     for (const Index s : removed) left.erase(s);
-    std::vector<NewSample> disks;
+    std::vector<Sample> disks;
     for (int k = 0; k < 2; ++k) {
       disks.push_back(random_sample(mesh, 0.5 * session.radius(), session.rng()));
       if (round % 2 == 0) {
-        disks.back().x = centre + session.radius() * Vec3(session.rng().uniform() - 0.5, session.rng().uniform() - 0.5, 0);
+        disks.back().at.position =
+            centre + session.radius() * Vec3(session.rng().uniform() - 0.5, session.rng().uniform() - 0.5, 0);
       }
     }
     bool expected = true;
-    const auto keeps_apart = [](const NewSample& a, const NewSample& b) {
+    const auto keeps_apart = [](const Sample& a, const Sample& b) {
       const double r = std::max(a.radius, b.radius);
-      return !((a.x - b.x).squaredNorm() < r * r);
+      return !((a.position() - b.position()).squaredNorm() < r * r);
     };
-    for (const NewSample& disk : disks) {
+    for (const Sample& disk : disks) {
       for (const auto& [id, entry] : left) expected = expected && keeps_apart(disk, entry.sample);
     }
     expected = expected && keeps_apart(disks[0], disks[1]);
