@@ -1,12 +1,6 @@
 #define AMPS_OWN_SOURCE
 #include "amps/buffers.h"
 
-#if defined(__GNUC__)
-#define AMPS_NOINLINE __attribute__((noinline))
-#else
-#define AMPS_NOINLINE
-#endif
-
 namespace amps {
 namespace {
 
@@ -22,20 +16,6 @@ Index narrowed(const unsigned char* at) noexcept {
 }
 
 }  // namespace
-
-// Not inline, on purpose: where floats made double and doubles meet in one variable that is made float again, GCC 12 drops both
-// conversions from -O2 on, also of the doubles (its vectoriser of straight code).
-
-AMPS_NOINLINE Vec3 PointsView::from_floats(std::ptrdiff_t i) const noexcept {
-  const std::ptrdiff_t at = i * memory_.stride;
-  const auto& column = memory_.column;
-  using detail::load;
-  return {load<float>(column[0] + at), load<float>(column[1] + at), load<float>(column[2] + at)};
-}
-
-AMPS_NOINLINE double ValuesView::from_float(std::ptrdiff_t i) const noexcept {
-  return detail::load<float>(memory_.column[0] + i * memory_.stride);
-}
 
 Index TrianglesView::converted(const unsigned char* at) const noexcept {
   switch (type_) {
@@ -56,5 +36,3 @@ Index TrianglesView::converted(const unsigned char* at) const noexcept {
 }
 
 }  // namespace amps
-
-#undef AMPS_NOINLINE

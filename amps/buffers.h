@@ -298,15 +298,15 @@ class PointsView {
   std::ptrdiff_t rows() const noexcept { return memory_.rows; }
 
   Vec3 operator[](std::ptrdiff_t i) const noexcept {
-    if (is_float_) return from_floats(i);
     const std::ptrdiff_t at = i * memory_.stride;
     const auto& column = memory_.column;
     using detail::load;
-    return {load<double>(column[0] + at), load<double>(column[1] + at), load<double>(column[2] + at)};
+    if (!is_float_) return {load<double>(column[0] + at), load<double>(column[1] + at), load<double>(column[2] + at)};
+    return {load<float>(column[0] + at), load<float>(column[1] + at), load<float>(column[2] + at)};
   }
   double operator()(std::ptrdiff_t i, int k) const noexcept {
-    if (is_float_) return from_floats(i)[k];
-    return detail::load<double>(memory_.column[static_cast<std::size_t>(k)] + i * memory_.stride);
+    const unsigned char* const at = memory_.column[static_cast<std::size_t>(k)] + i * memory_.stride;
+    return is_float_ ? static_cast<double>(detail::load<float>(at)) : detail::load<double>(at);
   }
 
   /// The same points in the same order, whatever the memory is like.
@@ -325,8 +325,6 @@ class PointsView {
   explicit PointsView(std::shared_ptr<const Owner> owner) : PointsView(*owner) {
     owner_ = std::move(owner);
   }
-
-  Vec3 from_floats(std::ptrdiff_t i) const noexcept;
 
   detail::Columns<3> memory_;
   bool is_float_ = false;
@@ -442,7 +440,8 @@ class ValuesView {
 
   std::ptrdiff_t size() const noexcept { return memory_.rows; }
   double operator[](std::ptrdiff_t i) const noexcept {
-    return is_float_ ? from_float(i) : detail::load<double>(memory_.column[0] + i * memory_.stride);
+    const unsigned char* const at = memory_.column[0] + i * memory_.stride;
+    return is_float_ ? static_cast<double>(detail::load<float>(at)) : detail::load<double>(at);
   }
 
  private:
@@ -450,8 +449,6 @@ class ValuesView {
   explicit ValuesView(std::shared_ptr<const Owner> owner) : ValuesView(*owner) {
     owner_ = std::move(owner);
   }
-
-  double from_float(std::ptrdiff_t i) const noexcept;
 
   detail::Columns<1> memory_;
   bool is_float_ = false;

@@ -147,20 +147,6 @@ TEST_CASE("buffers: an interleaved float vertex buffer with 16-bit indices, and 
   }
 }
 
-TEST_CASE("buffers: what is read from a view is rounded to float like any double") {
-  // With both kinds of view inlined in one place, GCC 12 left the conversion out.
-  const std::vector<Vec3> doubles = {{0.1, 0.2, 0.3}};
-  const std::vector<double> values = {0.1, 0.2, 0.3, 0.4};
-  const PointsView points = doubles;
-  const ValuesView numbers = values;
-  Vec3 rounded = points[0];
-  for (double& x : rounded) x = static_cast<double>(static_cast<float>(x));
-  CHECK(rounded == Vec3(0.1f, 0.2f, 0.3f));
-  double also[4];
-  for (int k = 0; k < 4; ++k) also[k] = static_cast<double>(static_cast<float>(numbers[k]));
-  for (int k = 0; k < 4; ++k) CHECK(also[k] == static_cast<double>(static_cast<float>(values[static_cast<std::size_t>(k)])));
-}
-
 TEST_CASE("buffers: lists of numbers from vectors, Eigen vectors of float and double, rows and strided memory") {
   const std::vector<double> values = {3, 1, 4, 1, 5};
   const auto equal = [&](const ValuesView& view) {
