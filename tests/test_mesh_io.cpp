@@ -57,8 +57,8 @@ TEST_CASE("mesh_io: an STL keeps the mesh up to single precision, its vertices m
     for (int k = 0; k < 3; ++k) {
       Vec3 expected = MeshView(mesh).corner(f, k);
       for (double& x : expected) {
-        const volatile float single = static_cast<float>(x);  // volatile: GCC 12 takes two conversions side by side for none
-        x = static_cast<double>(single);
+        const volatile float rounded = static_cast<float>(x);  // GCC 12 loses the rounding of two doubles side by side
+        x = static_cast<double>(rounded);
       }
       REQUIRE(MeshView(back).corner(f, k) == expected);
     }
