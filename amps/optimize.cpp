@@ -2,6 +2,7 @@
 #include "amps/optimize.h"
 
 #include "amps/dual_star.h"
+#include "amps/gap_filling.h"
 #include "amps/gaps.h"
 #include "amps/maximality.h"
 #include "amps/refill.h"
@@ -60,71 +61,8 @@ constexpr std::size_t kStarsPerTask = 1024;
 constexpr int kRefillsInPlace = 8;
 /// Of three such refills one takes out so many neighbours too.
 constexpr int kNeighborsInPlace = 2;
-/// Darts for one gap of the diagram.
-constexpr int kDartsPerGap = 64;
-/// Samples for one refill of the diagram.
-constexpr int kMaxRefillSamples = 64;
-
-/// Fills what an edit leaves uncovered.
-class EditFiller {
- public:
-  EditFiller(const EditableSamples& samples, const WantedRadii& radii, Rng& rng)
-      : samples_(samples), diagram_(samples.diagram()), radii_(radii), rng_(rng) {}
-
-  /// Darts in the gaps that the edit has changed until there is none; false if that takes too many.
-  bool fill(SampleEdit& edit) {
-    for (int n = 0; n < kMaxRefillSamples; ++n) {
-      gaps_.clear();
-      double total = 0;
-      for (const Index f : edit.changed_fragments()) {
-        const double area = gap_of(f);
-        if (area > 0) gaps_.push_back({f, total += area});
-      }
-      if (gaps_.empty()) return true;
-      const double u = rng_.uniform() * total;
-      std::size_t k = 0;
-      while (k + 1 < gaps_.size() && gaps_[k].second <= u) ++k;
-      if (!throw_darts(edit, gaps_[k].first)) return false;
-    }
-    return false;
-  }
-
- private:
-  double gap_of(Index f) {
-    if (!diagram_.alive(f)) return 0;
-    const double reach = diagram_.reach(f);
-    const auto polygon = diagram_.polygon(f);
-    const WeightedPoint& site = diagram_.site(polygon.site);
-    if (reach * reach <= site.w || !fragment_has_gap(diagram_, polygon)) return 0;
-    return gap_.assign(fragment_view(diagram_.mesh(), polygon), ball_of(site));
-  }
-
-  /// Until one is apart from all samples, which enters.
-  bool throw_darts(SampleEdit& edit, Index f) {
-    gap_of(f);
-    const auto polygon = diagram_.polygon(f);
-    for (int dart = 0; dart < kDartsPerGap; ++dart) {
-      Sample sample;
-      sample.at = surface_point_below(diagram_.mesh(), polygon.facet, gap_.sample(rng_));
-      const Vec3& x = sample.position();
-      if (!x.allFinite() || samples_.grid().conflicting_sample(x, 0, ConflictRule::kMax) != kNone) continue;
-      sample.radius = radii_.at(sample.at);
-      if (radii_.lowers()) {
-        sample.radius = radii_.lowered(sample.radius, samples_.grid().nearest_squared_distance(x, sample.radius));
-      }
-      edit.enter(sample, polygon.site);
-      return true;
-    }
-    return false;
-  }
-
-  const EditableSamples& samples_;
-  const RestrictedPowerDiagram& diagram_;
-  const WantedRadii& radii_;
-  Rng& rng_;
-  std::vector<std::pair<Index, double>> gaps_;  ///< fragments, and the area of their gaps and all before
-  FragmentGap gap_;
-};
+/// Samples for one refill of the diagram at most: far more than fit where a few have been taken out.
+constexpr Index kMaxRefillSamples = 64;
 
 /// Radii of samples to come beside those there are.
 WantedRadii radii_of(const OptimizeOptions& options, const SampleSet& samples) {
@@ -226,7 +164,7 @@ struct EditSeries {
 /// Carries out refills, and keeps those that lower the energy of all samples affected: their stars are the only ones to change.
 class Refiller {
  public:
-  explicit Refiller(OptimizeState& state) : state_(state), filler_(state.samples, state.radii, state.rng) { grow(); }
+  explicit Refiller(OptimizeState& state) : state_(state), filler_(state.diagram, state.samples.grid(), state.radii) { grow(); }
 
   /// Proposals made from now on may rely on the present state.
   void begin_batch() { ++batch_; }
@@ -253,7 +191,7 @@ class Refiller {
     Index near = proposal.removed.front();
     for (const Sample& sample : proposal.added) near = edit.enter(sample, near);
     edit.take_out();
-    if (filler_.fill(edit) && energy_change(edit) < -kMinGain) {
+    if (fill(edit) && energy_change(edit) < -kMinGain) {
       keep(edit);
     } else {
       copies_mislead_[slot(item.a)] = 1;
@@ -274,7 +212,7 @@ class Refiller {
       ++state_.report.trials;
       ++state_.report.edits;
       ++edits_in_place_;
-      if (filler_.fill(edit) && (energy_change(edit) < -kMinGain || accept == Accept::kAny)) {
+      if (fill(edit) && (energy_change(edit) < -kMinGain || accept == Accept::kAny)) {
         keep(edit);
         return;
       }
@@ -307,6 +245,17 @@ class Refiller {
     state_.stars.resize(n);
     changed_in_.resize(n, 0);
     copies_mislead_.resize(n, 0);
+  }
+
+  /// Until no gap is left where the edit has changed something; false if that takes too many samples.
+  bool fill(SampleEdit& edit) {
+    GapFillLimits limits;
+    limits.max_samples = kMaxRefillSamples;
+    filler_.look_at(edit.changed_fragments());
+    const GapFilling filling =
+        filler_.fill(state_.rng, limits, [&](const Sample& sample, Index near) { edit.enter(sample, near); });
+    filler_.forget();
+    return filling.complete();
   }
 
   std::vector<Index> random_patch(const BadItem& item, int more) {
@@ -361,7 +310,7 @@ class Refiller {
   }
 
   OptimizeState& state_;
-  EditFiller filler_;
+  GapFiller filler_;
   const Index num_given_ = num_samples();
   std::uint64_t batch_ = 0, edits_in_place_ = 0;
   std::vector<std::uint64_t> changed_in_;  ///< the batch that changed a sample's star last
