@@ -107,10 +107,8 @@ void GapFiller::refresh(Index f) {
   double weight = 0;
   if (diagram_.alive(f) && !surely_covered(f)) {
     const auto polygon = diagram_.polygon(f);
-    if (fragment_has_gap(diagram_, polygon)) {
-      const FragmentView fragment = fragment_view(diagram_.mesh(), polygon);
-      weight = gap_.assign(fragment, ball_of(diagram_.site(polygon.site))) * relative_density(polygon);
-    }
+    const double area = gap_.assign(diagram_, polygon);
+    if (area > 0) weight = area * relative_density(polygon);
   }
   gaps_.set(leaf(f), weight);
 }
@@ -162,7 +160,7 @@ GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& e
 /// False if the gap of f holds no double at the wanted distance.
 bool GapFiller::throw_darts_into(Index f, Rng& rng, Sample& sample) {
   const auto polygon = diagram_.polygon(f);
-  gap_.assign(fragment_view(diagram_.mesh(), polygon), ball_of(diagram_.site(polygon.site)));
+  gap_.assign(diagram_, polygon);
   for (int dart = 0; dart < kGapDarts; ++dart) {
     sample.at = surface_point_below(diagram_.mesh(), polygon.facet, gap_.sample(rng));
     const Vec3& x = sample.position();

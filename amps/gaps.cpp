@@ -14,6 +14,9 @@ namespace {
 /// A plane whose disk has less than this share of the ball's squared radius is taken to miss the ball: less is rounding.
 constexpr double kSmallestDisk = 1e-14;
 
+/// Stands for the excess of a corner that is uncovered by less than rounding.
+constexpr double kThinnestExcess = 0x1p-60;
+
 /// Each dart in the primitives hits the gap with probability ≥ 1/2; all of these miss with probability 2^-64.
 constexpr int kGapSampleTries = 64;
 
@@ -37,43 +40,60 @@ double angle_minus_sine(double x) {
 
 }  // namespace
 
-double FragmentGap::assign(const FragmentView& fragment, const Ball& ball) {
-  AMPS_ASSERT(fragment.size >= 3 && ball.weight > 0);
+double FragmentGap::assign(const RestrictedPowerDiagram& diagram, const RestrictedPowerDiagram::Polygon& polygon) {
+  decided_.resize(static_cast<std::size_t>(polygon.size));
+  bool any_uncovered = false;
+  for (Index k = 0; k < polygon.size; ++k) {
+    decided_[slot(k)] = diagram.power_at_corner(polygon, k) > 0;
+    any_uncovered |= decided_[slot(k)] != 0;
+  }
+  if (!any_uncovered) {
+    clear();
+    return 0;
+  }
+  const WeightedPoint& site = diagram.site(polygon.site);
+  return assign({polygon.corners, decided_.size(), normal_of(diagram.mesh(), polygon.facet)}, {site.position(), site.w},
+                decided_);
+}
+
+void FragmentGap::clear() {
   runs_.clear();
   points_.clear();
   triangles_.clear();
   has_primitives_ = false;
   area_ = 0;
+}
 
-  bool any_uncovered = false;
+double FragmentGap::assign(const FragmentView& fragment, const Ball& ball, const std::vector<char>& uncovered) {
+  AMPS_ASSERT(fragment.size >= 3 && ball.weight > 0 && uncovered.size() == fragment.size);
+  clear();
+  uncovered_ = uncovered;
   double farthest_distance = -1;
-  uncovered_.resize(fragment.size);
   for (std::size_t k = 0; k < fragment.size; ++k) {
-    uncovered_[k] = is_uncovered(fragment.corners[k], ball);
-    any_uncovered |= uncovered_[k] != 0;
+    if (uncovered_[k] == 0) continue;
     const double distance = (fragment.corners[k] - ball.centre).squaredNorm();
     if (distance > farthest_distance) {
       farthest_distance = distance;
       farthest_ = k;
     }
   }
-  if (!any_uncovered) return 0;
+  if (farthest_distance < 0) return 0;
 
   farthest_corner_ = fragment.corners[farthest_];
-  set_frame(fragment, ball, farthest_);
+  set_frame(fragment, ball);
   find_runs();
   for (const Run& run : runs_) area_ += run.area;
   return area();
 }
 
-void FragmentGap::set_frame(const FragmentView& fragment, const Ball& ball, std::size_t farthest) {
+void FragmentGap::set_frame(const FragmentView& fragment, const Ball& ball) {
   ball_ = ball;
   scale_ = std::sqrt(ball.weight);
   const double to_frame = 1.0 / scale_;
   complete_gap_frame(fragment.normal, axis_u_, axis_v_);
   // The plane is taken through the farthest corner, so that rounding cannot make a gap with this corner vanish in the plane:
   // its distance within the plane and the height below add up to its distance in space.
-  const double height = (fragment.corners[farthest] - ball.centre).dot(fragment.normal);
+  const double height = (farthest_corner_ - ball.centre).dot(fragment.normal);
   origin_ = ball.centre + height * fragment.normal;
   disk_ = 1.0 - (height * to_frame) * (height * to_frame);
   radius_ = disk_ > 0 ? std::sqrt(disk_) : 0.0;
@@ -84,6 +104,7 @@ void FragmentGap::set_frame(const FragmentView& fragment, const Ball& ball, std:
     const Vec3 d = (fragment.corners[k] - ball.centre) * to_frame;
     corners_[k] = {d.dot(axis_u_), d.dot(axis_v_)};
     excess_[k] = corners_[k].squared_norm() - disk_;
+    if ((excess_[k] > 0) != (uncovered_[k] != 0)) excess_[k] = uncovered_[k] != 0 ? kThinnestExcess : 0.0;
   }
 }
 

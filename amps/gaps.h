@@ -19,20 +19,11 @@
 
 namespace amps::detail {
 
-/// A point v is uncovered by the ball (p, w) if |v − p|² > w·(1 + kCoverageSlack). The certificate of maximality allows 1e-9
-/// on the ratio |v − p|/r, that is 2e-9 on the square: the slack stays well within. Below it a gap may be too thin to hold
-/// any point with double coordinates (their rounding is ~1e-16 of the domain, so domains up to 1e6·r are safe).
-inline constexpr double kCoverageSlack = 4e-10;
-
 /// A ball as the power diagram knows it: weight = squared radius, > 0.
 struct Ball {
   Vec3 centre = Vec3::Zero();
   double weight = 0;
 };
-
-inline bool is_uncovered(const Vec3& point, const Ball& ball) {
-  return (point - ball.centre).squaredNorm() > ball.weight * (1.0 + kCoverageSlack);
-}
 
 /// View of a convex planar polygon, `size` ≥ 3 corners counter-clockwise around the unit `normal`, planar and convex up to
 /// rounding. Corners may coincide and the polygon may have no area.
@@ -42,34 +33,18 @@ struct FragmentView {
   Vec3 normal = Vec3::UnitZ();
 };
 
-/// Is anything of the fragment outside of the ball (by more than the slack)? Polygon and ball are convex, so only corners
-/// need a look. O(size).
-inline bool has_gap(const FragmentView& fragment, const Ball& ball) {
-  for (std::size_t k = 0; k < fragment.size; ++k) {
-    if (is_uncovered(fragment.corners[k], ball)) return true;
-  }
-  return false;
-}
-
-inline Ball ball_of(const WeightedPoint& site) { return {site.position(), site.w}; }
-
-inline FragmentView fragment_view(const MeshView& mesh, const RestrictedPowerDiagram::Polygon& polygon) {
-  return {polygon.corners, static_cast<std::size_t>(polygon.size), normal_of(mesh, polygon.facet)};
-}
-
-inline bool fragment_has_gap(const RestrictedPowerDiagram& diagram, const RestrictedPowerDiagram::Polygon& polygon) {
-  return has_gap({polygon.corners, static_cast<std::size_t>(polygon.size), Vec3::UnitZ()}, ball_of(diagram.site(polygon.site)));
-}
-
 /// The gap of one fragment at a time, in buffers that are kept from one to the next: no heap allocation in steady state.
 /// One object per thread.
 class FragmentGap {
  public:
-  /// Finds the gap of `fragment` and returns its area (absolute units), 0 exactly when has_gap() is false. The area is that of
-  /// the polygon minus the disk in closed form; corners that are out by less than the slack count as covered. A gap thinner
-  /// than rounding gets a tiny positive area in place of a zero, so that choosing by area can still reach it. Nothing of
-  /// `fragment` is referenced afterwards. O(size).
-  double assign(const FragmentView& fragment, const Ball& ball);
+  /// Finds the gap of `fragment` and returns its area (absolute units), 0 exactly where no corner is `uncovered` (one entry
+  /// each): whether there is a gap has been decided, and rounding here has no say in it. The area is that of the polygon minus
+  /// the disk in closed form. A gap thinner than rounding gets a tiny positive area in place of a zero, so that choosing by
+  /// area can still reach it. Nothing of the arguments is referenced afterwards. O(size).
+  double assign(const FragmentView& fragment, const Ball& ball, const std::vector<char>& uncovered);
+
+  /// The gap that the diagram's own, exact decisions leave in a fragment: 0 iff it is covered.
+  double assign(const RestrictedPowerDiagram& diagram, const RestrictedPowerDiagram::Polygon& polygon);
 
   double area() const { return area_ * scale_ * scale_; }
 
@@ -81,7 +56,8 @@ class FragmentGap {
 
   /// A uniformly distributed point of the gap; requires a gap. It lies in the plane of the fragment up to rounding, and
   /// exactly (not only up to rounding) outside of the open ball. Rejection in the primitives, ≥ 1/2 accepted; should 64
-  /// darts fail, which only a gap too thin for doubles can bring about, it is the corner farthest from the ball.
+  /// darts fail, which only a gap too thin for doubles can bring about, it is the uncovered corner farthest from the ball, as
+  /// rounded.
   Vec3 sample(Rng& rng);
 
  private:
@@ -112,7 +88,8 @@ class FragmentGap {
   /// How an edge meets the disk, seen from its start: kThrough goes in and comes out again.
   enum class EdgeKind { kInside, kLeaves, kEnters, kOutside, kThrough };
 
-  void set_frame(const FragmentView& fragment, const Ball& ball, std::size_t farthest);
+  void clear();
+  void set_frame(const FragmentView& fragment, const Ball& ball);
   EdgeKind edge_kind(std::size_t from, std::size_t to) const;
   Point crossing(std::size_t outside, std::size_t other) const;
   void find_runs();
@@ -136,14 +113,14 @@ class FragmentGap {
   double radius_ = 0;           ///< its root
 
   Ball ball_;
-  Vec3 farthest_corner_ = Vec3::Zero();  ///< from the ball's centre
+  Vec3 farthest_corner_ = Vec3::Zero();  ///< from the ball's centre, of the uncovered ones
   std::size_t farthest_ = 0;             ///< its index
   double area_ = 0;                      ///< in the frame
   bool has_primitives_ = false;
   std::vector<Point> corners_;
-  std::vector<double> excess_;   ///< |corner|² − disk_; > 0: outside
-  std::vector<char> uncovered_;  ///< is_uncovered(corner)
-  std::vector<Point> points_;    ///< of all runs
+  std::vector<double> excess_;             ///< |corner|² − disk_; > 0 iff uncovered
+  std::vector<char> uncovered_, decided_;  ///< by corner
+  std::vector<Point> points_;              ///< of all runs
   std::vector<Run> runs_;
   std::vector<Point> work_;  ///< what is left of a run while tangents cut it up
   std::vector<Triangle> triangles_;

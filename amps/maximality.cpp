@@ -110,9 +110,9 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
     for (Index k = 0; k < polygon.size; ++k) {
       report.worst_coverage = std::max(report.worst_coverage, (polygon.corners[k] - site.position()).squaredNorm() / site.w);
     }
-    if (!fragment_has_gap(diagram, polygon)) continue;
+    if (diagram.covered(polygon)) continue;
     ++report.gaps;
-    report.gap_area += gap.assign(fragment_view(diagram.mesh(), polygon), ball_of(site));
+    report.gap_area += gap.assign(diagram, polygon);
   }
   report.worst_coverage = std::sqrt(report.worst_coverage);
   report.worst_separation = SeparationMeasure(diagram, rule).worst();
@@ -132,9 +132,9 @@ GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned thread
   std::vector<double> corners;
   for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
     const auto polygon = diagram.polygon(f);
-    if (!diagram.alive(f) || !detail::fragment_has_gap(diagram, polygon)) continue;
+    if (!diagram.alive(f) || diagram.covered(polygon)) continue;
     ++result.gaps;
-    result.area += gap.assign(detail::fragment_view(mesh, polygon), detail::ball_of(diagram.site(polygon.site)));
+    result.area += gap.assign(diagram, polygon);
     for (std::size_t k = 0; k < gap.num_primitives(); ++k) {
       for (const Vec3& corner : gap.primitive(k)) corners.insert(corners.end(), {corner.x(), corner.y(), corner.z()});
       result.facets.push_back(polygon.facet);

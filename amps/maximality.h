@@ -2,7 +2,8 @@
 // leave open.
 //
 // A fragment of the restricted power diagram is a convex polygon, and a ball is convex: it covers a fragment of its own cell if
-// and only if it covers the corners. So coverage is a maximum over corners, and gaps are found fragment by fragment.
+// and only if it covers the corners. So gaps are found corner by corner, by the exact sign of the power there; how deep they
+// are is measured in doubles.
 #pragma once
 
 #include "amps/base.h"
@@ -17,12 +18,14 @@ namespace amps {
 
 /// Certificate of a sample set, computed from a fresh restricted power diagram.
 struct MaximalityReport {
-  double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r; maximal ⇔ ≤ 1 (+1e-9 rounding)
+  double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r, to rounding; maximal: at most 1
   double worst_separation = 0;  ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample.
                                 ///< With ConflictRule::kMin: of |p_i − p_j|/min(r_i, r_j)
-  Index gaps = 0;       ///< fragments (restricted cell ∩ facet) that are not covered
-  double gap_area = 0;  ///< exact uncovered area, absolute
-  bool maximal(double tolerance = 1e-9) const { return worst_coverage <= 1 + tolerance; }
+  Index gaps = 0;       ///< fragments (restricted cell ∩ facet) that are not covered, decided exactly
+  double gap_area = 0;  ///< uncovered area, absolute, in closed form
+  /// Without a tolerance: exactly. With one: as if all radii were larger by that share, for sets that come from elsewhere with
+  /// rounded numbers.
+  bool maximal(double tolerance = 0) const { return gaps == 0 || (tolerance > 0 && worst_coverage <= 1 + tolerance); }
   bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
 };
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and

@@ -565,7 +565,7 @@ double expected_growth(const OptimizeOptions& options, bool uniform) {
 
 bool has_gaps(const RestrictedPowerDiagram& diagram) {
   for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
-    if (diagram.alive(f) && fragment_has_gap(diagram, diagram.polygon(f))) return true;
+    if (diagram.alive(f) && !diagram.covered(diagram.polygon(f))) return true;
   }
   return false;
 }

@@ -405,6 +405,34 @@ void RestrictedPowerDiagram::compact_pools() {
   pool_garbage_ = 0;
 }
 
+int RestrictedPowerDiagram::power_at_corner(const Polygon& polygon, Index k) const {
+  const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
+  const int side = filter.side(polygon.corners[k]);
+  return side != 0 ? side : exact_power_at_corner(polygon, k);
+}
+
+bool RestrictedPowerDiagram::covered(const Polygon& polygon) const {
+  const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
+  for (Index k = 0; k < polygon.size; ++k) {
+    int side = filter.side(polygon.corners[k]);
+    if (side == 0) side = exact_power_at_corner(polygon, k);
+    if (side > 0) return false;
+  }
+  return true;
+}
+
+int RestrictedPowerDiagram::exact_power_at_corner(const Polygon& polygon, Index k) const {
+  const Vec3 corner[3] = {mesh_.corner(polygon.facet, 0), mesh_.corner(polygon.facet, 1), mesh_.corner(polygon.facet, 2)};
+  const double* const corners[3] = {corner[0].data(), corner[1].data(), corner[2].data()};
+  const WeightedPoint& owner = site(polygon.site);
+  const Index in = polygon.labels[k == 0 ? polygon.size - 1 : k - 1], out = polygon.labels[k];
+  const auto bisector = [&](Index label) { return Bisector(owner, site(label), corners); };
+  if (is_site(in) && is_site(out)) return power_at_facet_crossing(corners, bisector(in), bisector(out));
+  if (!is_site(in) && !is_site(out)) return amps::power_at_corner(corners, mesh_edge(out), owner);
+  const int e = mesh_edge(is_site(in) ? out : in);
+  return power_at_edge_crossing(corners, e, (e + 1) % 3, bisector(is_site(in) ? in : out));
+}
+
 void RestrictedPowerDiagram::neighbors(Index s, std::vector<Index>& out) const {
   triangulation_.neighbors(s + kSentinels, out);
   std::size_t kept = 0;

@@ -75,6 +75,13 @@ class RestrictedPowerDiagram {
   /// An upper bound of the distance from a fragment's site to the fragment's corners, without a look at the corners. O(1).
   double reach(Index f) const;
 
+  /// Is the owner's ball (radius² = weight, closed) without corner k of the fragment? +1 yes, 0 the corner lies on the sphere,
+  /// −1 no. Exact: the corner is the symbolic one, however its coordinates are rounded. O(1).
+  int power_at_corner(const Polygon& polygon, Index k) const;
+  /// Does the owner's ball cover the fragment? Exact: both are convex, so it does iff no corner is without. The surface is
+  /// covered iff all fragments are, see predicates.h. O(size).
+  bool covered(const Polygon& polygon) const;
+
   /// Inserts a site and updates the fragments of its neighbours; returns its id, num_sites() before. `near`: a site close to it
   /// (kNone: anywhere). Expected O(1) with a good hint on Poisson-disk-like sets. Throws Error(kInvalidArgument) if not finite.
   Index insert(const Vec3& position, double weight, Index near = kNone);
@@ -162,6 +169,7 @@ class RestrictedPowerDiagram {
   void update_reach(Index s);
   void measure_facets();
   Plane plane(Index owner, Index other) const;
+  int exact_power_at_corner(const Polygon& polygon, Index k) const;
   void link(Index f);
   void add_fragment(Index facet, Index site, const Clipper& clipper);
   void store_polygon(Fragment& fragment, const Clipper& clipper);
