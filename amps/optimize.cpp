@@ -68,7 +68,7 @@ constexpr Index kMaxRefillSamples = 64;
 WantedRadii radii_of(const OptimizeOptions& options, const SampleSet& samples) {
   const double min = min_radius(samples), max = max_radius(samples);
   const WantedRadii wanted =
-      options.sizing.empty() ? WantedRadii(min, ConflictRule::kMax) : WantedRadii(options.sizing, ConflictRule::kMax);
+      options.sizing.empty() ? WantedRadii(min, options.conflict_rule) : WantedRadii(options.sizing, options.conflict_rule);
   return wanted.beside(min, max);
 }
 
@@ -182,7 +182,7 @@ class Refiller {
       if (changed(s)) return;
     }
     SampleEdit edit(state_.samples, proposal.removed);
-    if (!state_.samples.are_apart(proposal.added)) {  // some disk of another sheet
+    if (!state_.samples.are_apart(proposal.added, state_.radii.rule())) {  // some disk of another sheet
       copies_mislead_[slot(item.a)] = 1;
       edit.undo();
       return;
@@ -191,7 +191,7 @@ class Refiller {
     Index near = proposal.removed.front();
     for (const Sample& sample : proposal.added) near = edit.enter(sample, near);
     edit.take_out();
-    if (fill(edit) && energy_change(edit) < -kMinGain) {
+    if (fill(edit) && energy_change(edit) < -kMinGain && !hides_a_sample(edit)) {
       keep(edit);
     } else {
       copies_mislead_[slot(item.a)] = 1;
@@ -212,7 +212,8 @@ class Refiller {
       ++state_.report.trials;
       ++state_.report.edits;
       ++edits_in_place_;
-      if (fill(edit) && (energy_change(edit) < -kMinGain || accept == Accept::kAny)) {
+      const bool good = fill(edit) && (energy_change(edit) < -kMinGain || accept == Accept::kAny);
+      if (good && !hides_a_sample(edit)) {
         keep(edit);
         return;
       }
@@ -290,6 +291,15 @@ class Refiller {
     }
     energy_change_ = after - before;
     return energy_change_;
+  }
+
+  /// Has a new sample no part of the surface, or an old one none any more? By the min rule a disk may cover smaller ones; by
+  /// the max rule this never happens.
+  bool hides_a_sample(SampleEdit& edit) const {
+    if (state_.radii.rule() == ConflictRule::kMax) return false;
+    const auto is_hidden = [&](Index s) { return state_.diagram.first_of_site(s) == kNone; };
+    const std::vector<Index>&added = edit.added(), &affected = edit.affected();
+    return std::any_of(added.begin(), added.end(), is_hidden) || std::any_of(affected.begin(), affected.end(), is_hidden);
   }
 
   /// What energy_change() was last asked of.
@@ -596,6 +606,7 @@ OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const Op
   if (!detail::has_gaps(diagram)) return detail::optimize_diagram(diagram, samples, options, ids);
   SamplingOptions filling;
   filling.sizing = options.sizing;
+  filling.conflict_rule = options.conflict_rule;
   filling.seed = options.seed;
   filling.threads = options.threads;
   filling.progress = options.progress;

@@ -43,6 +43,8 @@ struct OptimizeOptions {
   unsigned threads = 1;  ///< 0: one per core
   /// Wanted radii of new samples; empty: the least radius of the set.
   SizingField sizing;
+  /// That of the set: new samples obey it too.
+  ConflictRule conflict_rule = ConflictRule::kMax;
   Progress progress;
 };
 

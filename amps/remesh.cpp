@@ -127,6 +127,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   if (options.optimize && result.status == Outcome::kDone) {
     OptimizeOptions optimization = options.optimization;
     optimization.sizing = sampling.sizing.empty() ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
+    optimization.conflict_rule = sampling.conflict_rule;
     optimization.seed = sampling.seed;
     optimization.threads = sampling.threads;
     optimization.progress = sampling.progress;

@@ -22,7 +22,7 @@ struct RemeshOptions {
   SamplingOptions sampling;
   /// Improve angles and valences of the maximal set.
   bool optimize = true;
-  /// How. Sizing, seed, threads and progress are those of `sampling`.
+  /// How. Sizing, conflict rule, seed, threads and progress are those of `sampling`.
   OptimizeOptions optimization;
 };
 

@@ -26,11 +26,11 @@ EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSe
   }
 }
 
-bool EditableSamples::are_apart(const std::vector<Sample>& disks) const {
+bool EditableSamples::are_apart(const std::vector<Sample>& disks, ConflictRule rule) const {
   for (std::size_t k = 0; k < disks.size(); ++k) {
-    if (grid_.conflicting_sample(disks[k].position(), disks[k].radius, ConflictRule::kMax) != kNone) return false;
+    if (grid_.conflicting_sample(disks[k].position(), disks[k].radius, rule) != kNone) return false;
     for (std::size_t j = 0; j < k; ++j) {
-      if (!detail::are_apart(disks[k], disks[j], ConflictRule::kMax)) return false;
+      if (!detail::are_apart(disks[k], disks[j], rule)) return false;
     }
   }
   return true;

@@ -33,8 +33,8 @@ class EditableSamples {
   /// Of a sample that is alive, as the next.
   const Sample& operator[](Index s) const { return samples_[slot(s)]; }
 
-  /// Exact: none of these disks has the centre of another one or of a sample in it, nor is its centre in a sample's disk.
-  bool are_apart(const std::vector<Sample>& disks) const;
+  /// Exact: do these disks keep the distance of the rule from each other and from all samples?
+  bool are_apart(const std::vector<Sample>& disks, ConflictRule rule) const;
 
   /// Those that are alive: the given ones in order, then the new ones. `ids` (out): of the rows.
   SampleSet collect(std::vector<Index>& ids) const;

@@ -61,7 +61,7 @@ TEST_CASE("optimize: sheets nearer than a disk respect each other where copies k
   }
 }
 
-TEST_CASE("optimize: kicks and what is undone leave every radius, place and weight as they were") {
+TEST_CASE("optimize: forced refills and what is undone leave every radius, place and weight as they were") {
   for (const TestSet& set :
        {graded_set("sphere", amps::make_sphere(320), 50, 0.4), graded_set("square", amps::make_square(8), 60, 0.2),
         graded_set("torus", amps::make_torus(1, 0.4, 48, 20), 120, 0.4)}) {
@@ -97,6 +97,51 @@ TEST_CASE("optimize: edges of more than two triangles are rated late; the energy
     CHECK(result.report.iterations.back().bad_vertices >= after.vertices);
     CHECK(result.report.iterations.back().energy >= after.energy * (1 - 1e-9));
     if (result.report.status == Outcome::kDone) CHECK(after.triangles + after.vertices == 0);
+  }
+}
+
+TEST_CASE("optimize: sets of the min rule stay so, and keep the wanted radii; in remesh too") {
+  std::vector<TestSet> sets = {graded_set("sphere", amps::make_sphere(1280), 700),
+                               graded_set("square", amps::make_square(16), 700),
+                               graded_set("steeper sphere", amps::make_sphere(1280), 700, 0.6)};
+  // So steep that samples hide behind larger ones.
+  const Mesh square = amps::make_square(12);
+  Rng rng(21);
+  const Values steep = made_values(rows(square.vertices), [&](Index) { return rng.below(2) == 0 ? 0.015 : 0.075; });
+  sets.push_back({"steep square", square, amps::vertex_sizing(square, steep), {}});
+  for (TestSet& set : sets) {
+    CAPTURE(set.name);
+    const SamplingOptions sampling = with_sizing(set.sizing, 1, ConflictRule::kMin);
+    set.samples = amps::sample(set.mesh, sampling).samples;
+    const auto lowered = [&](const SampleSet& samples) {
+      Index count = 0;
+      for (Index s = 0; s < samples.size(); ++s) {
+        count += samples.radii[s] != set.sizing.radius(facet_of(samples, s), barycentric_of(samples, s));
+      }
+      return count;
+    };
+    const auto hidden = [&](const SampleSet& samples) {
+      return samples.size() - amps::topology(amps::restricted_triangulation(set.mesh, samples)).vertices;
+    };
+    OptimizeOptions options = options_for(set, 60);
+    options.conflict_rule = ConflictRule::kMin;
+    const OptimizeResult result = optimized(set, options);
+    check_survivors(set.samples, result);
+    check_never_rises(result.report);
+    CHECK(result.report.added > 30);
+    CHECK(result.report.iterations.back().energy < 0.2 * result.report.iterations.front().energy);
+    CHECK(amps::verify_maximal(set.mesh, result.samples, on_threads(1), ConflictRule::kMin).maximal());
+    CHECK(separation_of_all_pairs(result.samples, ConflictRule::kMin) >= 1 - 5e-13);
+    CHECK(lowered(result.samples) == 0);
+    if (set.name == "steep square") REQUIRE(hidden(set.samples) > 20);
+    CHECK(hidden(result.samples) <= hidden(set.samples));
+    amps::RemeshOptions whole;
+    whole.sampling = sampling;
+    whole.optimization.max_iterations = 60;
+    const amps::RemeshResult remeshed = amps::remesh(set.mesh, whole);
+    CHECK(remeshed.report.maximality.maximal());
+    CHECK(remeshed.report.maximality.poisson_disk());
+    CHECK(lowered(remeshed.samples) == 0);
   }
 }
 

@@ -24,6 +24,7 @@
 namespace amps_test {
 namespace {
 
+using amps::ConflictRule;
 using amps::SampleSet;
 using amps::detail::EditableSamples;
 using amps::detail::Sample;
@@ -279,10 +280,10 @@ TEST_CASE("sample_edit: ids are used again, those of undone edits too") {
   CHECK(session.diagram().num_sites() - session.diagram().num_removed() == alive);
 }
 
-TEST_CASE("sample_edit: disks are apart if no centre is in another disk, samples that go not counted") {
+TEST_CASE("sample_edit: disks are apart at the distance of the rule, samples that go not counted") {
   const Mesh mesh = amps::make_square(3);
   Session session(mesh, radius_for(mesh, 60), 9);
-  int apart = 0, close = 0;
+  int apart = 0, close = 0, by_min_only = 0;
   for (int round = 0; round < 3000; ++round) {
     std::vector<Index> removed;
     Expected left = session.expected();
@@ -299,22 +300,26 @@ TEST_CASE("sample_edit: disks are apart if no centre is in another disk, samples
             centre + session.radius() * Vec3(session.rng().uniform() - 0.5, session.rng().uniform() - 0.5, 0);
       }
     }
-    bool expected = true;
-    const auto keeps_apart = [](const Sample& a, const Sample& b) {
-      const double r = std::max(a.radius, b.radius);
-      return !((a.position() - b.position()).squaredNorm() < r * r);
+    bool by_max = true, by_min = true;
+    const auto compare = [&](const Sample& a, const Sample& b) {
+      const double d = (a.position() - b.position()).squaredNorm(), p = a.radius * a.radius, q = b.radius * b.radius;
+      by_max = by_max && !(d < std::max(p, q));
+      by_min = by_min && !(d < std::min(p, q));
     };
     for (const Sample& disk : disks) {
-      for (const auto& [id, entry] : left) expected = expected && keeps_apart(disk, entry.sample);
+      for (const auto& [id, entry] : left) compare(disk, entry.sample);
     }
-    expected = expected && keeps_apart(disks[0], disks[1]);
+    compare(disks[0], disks[1]);
     SampleEdit edit(session.samples(), removed);
-    CHECK(session.samples().are_apart(disks) == expected);
+    CHECK(session.samples().are_apart(disks, ConflictRule::kMax) == by_max);
+    CHECK(session.samples().are_apart(disks, ConflictRule::kMin) == by_min);
     edit.undo();
-    ++(expected ? apart : close);
+    ++(by_max ? apart : close);
+    by_min_only += by_min && !by_max;
   }
   CHECK(apart > 100);
   CHECK(close > 100);
+  CHECK(by_min_only > 100);
   session.check();
 }
 
