@@ -375,6 +375,8 @@ struct SurfaceTree::Impl {
   std::vector<TreeFacet> facets;  ///< in the order of the leaves
   std::vector<Index> place;       ///< of each facet, in `facets`
 
+  static constexpr std::uint64_t kFacetsPerLook = 1 << 13;  ///< less than a millisecond
+
   struct Best {
     FacetPoint point{std::numeric_limits<double>::infinity(), 0, 0};
     Index place = kNone;
@@ -383,16 +385,18 @@ struct SurfaceTree::Impl {
 
   Impl(const MeshView& view, const Execution& run) : mesh(view.copy()), unit(tree_unit(bounding_box(view))) {
     const auto count = static_cast<std::size_t>(view.num_facets());
+    run.report(0.03);
     std::vector<BuildItem> items(count);
+    detail::Ticker listed(run.part(0.03, 0.1), count, kFacetsPerLook);
     for (std::size_t i = 0; i < count; ++i) {
+      listed.tick();
       const auto f = static_cast<Index>(i);
       for (int k = 0; k < 3; ++k) items[i].box.add(unit.in(view.corner(f, k)));
       items[i].centroid = items[i].box.min + items[i].box.max;
       items[i].facet = f;
     }
-    run.report(0.05);
-    const TreeBuilder build(items, nodes, run.part(0.05, 0.9));
-    detail::Ticker ticker(run.part(0.9, 1), count, 4096);
+    const TreeBuilder build(items, nodes, run.part(0.1, 0.8));
+    detail::Ticker ticker(run.part(0.8, 1), count, kFacetsPerLook);
     facets.reserve(count);
     place.resize(count);
     for (std::size_t i = 0; i < count; ++i) {
