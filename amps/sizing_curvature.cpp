@@ -99,8 +99,7 @@ std::array<double, 3> corner_areas(const std::array<Vec3, 3>& corner) {
 class CurvatureEstimator {
  public:
   CurvatureEstimator(const MeshView& mesh, double crease_angle, const Execution& run)
-      : mesh_(merge_equal_vertices(mesh)), view_(mesh_) {
-    run.report(0.1);
+      : mesh_(merge_equal_vertices(mesh, run.part(0, 0.1))), view_(mesh_) {
     crease_cosine_ = detail::portable_cosine(crease_angle);
     normals_ = facet_normals(view_);
     // To unit size: fourth powers of lengths must be doubles.
