@@ -130,7 +130,7 @@ class DistinctPoints {
 /// For each vertex the first one with equal coordinates; a vertex with a NaN stays alone. O(#V) expected.
 std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& run = {});
 
-/// Facets or edges of such loops between looks: about a millisecond.
-inline constexpr std::uint64_t kEdgesPerLook = 1 << 14;
+/// Facets or edges of such loops between looks: some 0.1 ms.
+inline constexpr std::uint64_t kEdgesPerLook = 1 << 12;
 
 }  // namespace amps::detail
