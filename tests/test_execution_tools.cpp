@@ -121,9 +121,10 @@ std::vector<Call> file_calls() {
   for (const amps::SampleFormat format : {amps::SampleFormat::kXyzr, amps::SampleFormat::kPly, amps::SampleFormat::kCsv}) {
     const std::string data = amps::format_samples(samples, format);
     result.push_back({"samples", [format, data](const Execution& e) {
-                        const std::string text = amps::format_samples(samples, format, e.part(0, 0.5, "files"));
-                        const SampleSet read = amps::parse_samples(data, format, "memory", e.part(0.5, 1, "files"));
-                        e.finish();
+                        const Execution job = e.start("files");
+                        const std::string text = amps::format_samples(samples, format, job.part(0, 0.5));
+                        const SampleSet read = amps::parse_samples(data, format, "memory", job.part(0.5, 1));
+                        job.finish();
                         return std::vector<double>{double(text.size()), double(read.size())};
                       }});
   }
