@@ -153,6 +153,7 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   MeshBuilder builder(source);
   builder.reserve(static_cast<std::size_t>(vertices), static_cast<std::size_t>(faces));
   for (std::int64_t v = 0; v < vertices; ++v, p += stride) {
+    source.look(p);
     need(stride, "the vertices");
     double xyz[3];
     for (int k = 0; k < 3; ++k) xyz[k] = static_cast<double>(load_as<float, std::uint32_t>(p + 4 * k, true));
@@ -161,6 +162,7 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   }
   std::vector<Index> corners;
   for (std::int64_t f = 0; f < faces; ++f) {
+    source.look(p);
     need(4, "the faces");
     const std::int64_t size = next_int();
     if (size < 0) source.fail_byte(p - 4, "a face of " + std::to_string(size) + " corners; it is not a binary OFF file");
@@ -294,6 +296,7 @@ Mesh parse_binary_stl(const IoSource& source, std::int64_t facets) {
   builder.reserve(static_cast<std::size_t>(3 * facets), static_cast<std::size_t>(facets));
   const char* p = source.begin() + 84;
   for (std::int64_t f = 0; f < facets; ++f, p += record) {
+    source.look(p);
     for (std::ptrdiff_t corner = 0; corner < 3; ++corner) {
       double xyz[3];
       for (std::ptrdiff_t k = 0; k < 3; ++k) {
@@ -317,7 +320,7 @@ Mesh parse_stl(const IoSource& source) {
   TextCursor text(source);
   const bool says_solid = text.next_content() && equal_ignoring_case(text.token(), "solid");
   const bool has_zeros = source.data.substr(0, 512).find('\0') != std::string_view::npos;
-  if (!exact_size && says_solid && !has_zeros) return merge_equal_vertices(parse_ascii_stl(source));
+  if (!exact_size && says_solid && !has_zeros) return parse_ascii_stl(source);
   if (facets < 0) source.fail("it neither starts with solid nor has the 84 bytes of a header; it is not an STL file");
   if (size < 84 + 50 * facets) {
     source.fail("its header promises " + std::to_string(facets) + " facets, more than " + std::to_string(size) +
@@ -325,10 +328,16 @@ Mesh parse_stl(const IoSource& source) {
   }
   if (facets == 0 && size > 84) source.fail("its header promises no facet, but data follows; it is not an STL file");
   if (facets > max_facets) source.fail("more than 2^31 - 1 corners; cut it into parts", ErrorCode::kTooLarge);
-  return merge_equal_vertices(parse_binary_stl(source, facets));
+  return parse_binary_stl(source, facets);
 }
 
 // Writing meshes
+
+/// Of the time to read or write a file: getting its bytes from the disk or there.
+constexpr double kShareOfDisk = 0.2;
+
+/// Rows formatted between two looks: some milliseconds.
+constexpr std::uint64_t kRowsPerLook = 1 << 13;
 
 void require_writable(const MeshView& mesh, MeshFormat format) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidMesh, "mesh: " + what); };
@@ -368,23 +377,27 @@ void append_row(std::string& out, const char* prefix, const std::array<Index, 3>
   out += '\n';
 }
 
-std::string format_stl(const MeshView& mesh) {
+std::string format_stl(const MeshView& mesh, const Execution& run) {
   std::string out = "binary STL by amps";  // must not start with "solid"
   out.resize(80, ' ');
   append_little_endian<std::uint32_t>(out, static_cast<std::uint32_t>(mesh.num_facets()));
   out.reserve(84 + 50 * static_cast<std::size_t>(mesh.num_facets()));
   const Points normals = facet_normals(mesh);
+  run.report(0.3);
+  Ticker ticker(run.part(0.3, 1), slot(mesh.num_facets()), kRowsPerLook);
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     for (int k = 0; k < 3; ++k) append_float(out, normals(f, k));
     for (int corner = 0; corner < 3; ++corner) {
       for (int k = 0; k < 3; ++k) append_float(out, mesh.vertices(mesh.triangles(f, corner), k));
     }
     out.append(2, '\0');
+    ticker.tick();
   }
   return out;
 }
 
-std::string format_ply(const MeshView& mesh, bool ascii) {
+std::string format_ply(const MeshView& mesh, bool ascii, const Execution& run) {
+  Ticker ticker(run, slot(mesh.num_vertices()) + slot(mesh.num_facets()), kRowsPerLook);
   std::string out = "ply\nformat ";
   out += ascii ? "ascii" : "binary_little_endian";
   out += " 1.0\nelement vertex " + std::to_string(mesh.vertices.rows());
@@ -392,6 +405,7 @@ std::string format_ply(const MeshView& mesh, bool ascii) {
   out += "\nproperty list uchar int vertex_indices\nend_header\n";
   if (!ascii) out.reserve(out.size() + static_cast<std::size_t>(24 * mesh.vertices.rows() + 13 * mesh.triangles.rows()));
   for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
+    ticker.tick();
     if (ascii) {
       append_row(out, "", mesh.vertices[v]);
     } else {
@@ -399,6 +413,7 @@ std::string format_ply(const MeshView& mesh, bool ascii) {
     }
   }
   for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
+    ticker.tick();
     if (ascii) {
       append_row(out, "3 ", mesh.triangles[f], 0);
     } else {
@@ -551,7 +566,7 @@ SampleSet parse_ply_samples(const IoSource& source) {
 }
 
 // The set as rows of 4 or 8 values; throws if it is not one read_samples would accept.
-SampleBuilder sample_rows(const SampleSet& samples, bool with_place) {
+SampleBuilder sample_rows(const SampleSet& samples, bool with_place, const Execution& run) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "samples: " + what); };
   const auto n = static_cast<std::size_t>(samples.positions.rows());
   const bool has_place = !samples.facets.empty();
@@ -563,7 +578,9 @@ SampleBuilder sample_rows(const SampleSet& samples, bool with_place) {
   SampleBuilder rows;
   rows.columns = with_place && has_place ? 8 : 4;
   rows.values.reserve(n * rows.columns);
+  Ticker ticker(run, n, kRowsPerLook);
   for (std::size_t i = 0; i < n; ++i) {
+    ticker.tick();
     const auto r = static_cast<std::ptrdiff_t>(i);
     double row[8] = {samples.positions(r, 0), samples.positions(r, 1), samples.positions(r, 2), samples.radii[i]};
     if (rows.columns == 8) {
@@ -604,68 +621,101 @@ SampleFormat sample_format(const std::filesystem::path& path) {
               path.string() + ": \"" + extension + "\" is not an extension of a sample file; use .xyzr, .ply or .csv");
 }
 
-Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name) {
-  const detail::IoSource source{data, name};
-  switch (format) {
-    case MeshFormat::kObj:
-      return detail::parse_obj(source);
-    case MeshFormat::kOff:
-      return detail::parse_off(source);
-    case MeshFormat::kPly:
-      return detail::parse_ply(source);
-    case MeshFormat::kStl:
-      break;
-  }
-  return detail::parse_stl(source);
+Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name, const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const auto parse = [&] {
+    const detail::IoSource source{data, name, run.part(0, format == MeshFormat::kStl ? 0.7 : 1)};
+    if (format == MeshFormat::kObj) return detail::parse_obj(source);
+    if (format == MeshFormat::kOff) return detail::parse_off(source);
+    if (format == MeshFormat::kPly) return detail::parse_ply(source);
+    return merge_equal_vertices(detail::parse_stl(source), run.part(0.7, 1));
+  };
+  Mesh mesh = parse();
+  run.finish();
+  return mesh;
 }
 
-Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name) {
-  return parse_mesh(detail::read_whole_stream(in, name, 0), format, name);
+Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name, const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const std::string data = detail::read_whole_stream(in, name, 0, run.part(0, detail::kShareOfDisk));
+  Mesh mesh = parse_mesh(data, format, name, run.part(detail::kShareOfDisk, 1));
+  run.finish();
+  return mesh;
 }
 
-Mesh read_mesh(const std::filesystem::path& path) {
+Mesh read_mesh(const std::filesystem::path& path, const Execution& execution) {
   const MeshFormat format = mesh_format(path);
-  return parse_mesh(detail::read_whole_file(path), format, path.string());
+  const Execution run = execution.start("reading");
+  const std::string data = detail::read_whole_file(path, run.part(0, detail::kShareOfDisk));
+  Mesh mesh = parse_mesh(data, format, path.string(), run.part(detail::kShareOfDisk, 1));
+  run.finish();
+  return mesh;
 }
 
-std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options) {
+std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options, const Execution& execution) {
   detail::require_writable(mesh, format);
-  if (format == MeshFormat::kPly) return detail::format_ply(mesh, options.ascii_ply);
-  if (format == MeshFormat::kStl) return detail::format_stl(mesh);
+  const Execution run = execution.start("writing");
+  if (format == MeshFormat::kPly || format == MeshFormat::kStl) {
+    std::string data =
+        format == MeshFormat::kPly ? detail::format_ply(mesh, options.ascii_ply, run) : detail::format_stl(mesh, run);
+    run.finish();
+    return data;
+  }
+  detail::Ticker ticker(run, detail::slot(mesh.num_vertices()) + detail::slot(mesh.num_facets()), detail::kRowsPerLook);
   const bool obj = format == MeshFormat::kObj;
   std::string out;
   if (!obj) out = "OFF\n" + std::to_string(mesh.vertices.rows()) + ' ' + std::to_string(mesh.triangles.rows()) + " 0\n";
-  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) detail::append_row(out, obj ? "v " : "", mesh.vertices[v]);
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
+    ticker.tick();
+    detail::append_row(out, obj ? "v " : "", mesh.vertices[v]);
+  }
   for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
+    ticker.tick();
     detail::append_row(out, obj ? "f " : "3 ", mesh.triangles[f], obj ? 1 : 0);
   }
+  run.finish();
   return out;
 }
 
-void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options) {
-  const std::string data = format_mesh(mesh, format, options);
+void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options,
+                const Execution& execution) {
+  const std::string data = format_mesh(mesh, format, options, execution);
   out.write(data.data(), static_cast<std::streamsize>(data.size()));
   out.flush();
   if (!out) throw Error(ErrorCode::kFileNotFound, "stream: the mesh cannot be written to it; check what it leads to");
 }
 
-void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options) {
-  detail::replace_file(path, format_mesh(mesh, mesh_format(path), options));
+void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options,
+                const Execution& execution) {
+  const MeshFormat format = mesh_format(path);
+  const Execution run = execution.start("writing");
+  const std::string data = format_mesh(mesh, format, options, run.part(0, 1 - detail::kShareOfDisk));
+  detail::replace_file(path, data, run.part(1 - detail::kShareOfDisk, 1));
+  run.finish();
 }
 
-SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name) {
-  const detail::IoSource source{data, name};
-  if (format == SampleFormat::kPly) return detail::parse_ply_samples(source);
-  return format == SampleFormat::kCsv ? detail::parse_csv_samples(source) : detail::parse_xyzr(source);
+SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name, const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const detail::IoSource source{data, name, run};
+  SampleSet samples = format == SampleFormat::kPly   ? detail::parse_ply_samples(source)
+                      : format == SampleFormat::kCsv ? detail::parse_csv_samples(source)
+                                                     : detail::parse_xyzr(source);
+  run.finish();
+  return samples;
 }
 
-SampleSet read_samples(const std::filesystem::path& path) {
+SampleSet read_samples(const std::filesystem::path& path, const Execution& execution) {
   const SampleFormat format = sample_format(path);
-  return parse_samples(detail::read_whole_file(path), format, path.string());
+  const Execution run = execution.start("reading");
+  const std::string data = detail::read_whole_file(path, run.part(0, detail::kShareOfDisk));
+  SampleSet samples = parse_samples(data, format, path.string(), run.part(detail::kShareOfDisk, 1));
+  run.finish();
+  return samples;
 }
 
-std::string format_samples(const SampleSet& samples, SampleFormat format) {
-  const detail::SampleBuilder rows = detail::sample_rows(samples, format != SampleFormat::kXyzr);
+std::string format_samples(const SampleSet& samples, SampleFormat format, const Execution& execution) {
+  const Execution run = execution.start("writing");
+  const detail::SampleBuilder rows = detail::sample_rows(samples, format != SampleFormat::kXyzr, run.part(0, 0.2));
   const std::size_t columns = rows.columns;
   std::string out;
   if (format == SampleFormat::kPly) {
@@ -676,7 +726,9 @@ std::string format_samples(const SampleSet& samples, SampleFormat format) {
   } else if (format == SampleFormat::kCsv) {
     for (std::size_t k = 0; k < columns; ++k) out += detail::kSampleColumns[k] + (k + 1 < columns ? ',' : '\n');
   }
+  detail::Ticker ticker(run.part(0.2, 1), rows.values.size(), detail::kRowsPerLook);
   for (std::size_t i = 0; i < rows.values.size(); ++i) {
+    ticker.tick();
     const std::size_t column = i % columns;
     const double value = rows.values[i];
     if (format == SampleFormat::kPly) {
@@ -698,15 +750,21 @@ std::string format_samples(const SampleSet& samples, SampleFormat format) {
       out += format == SampleFormat::kCsv ? ',' : ' ';
     }
   }
+  run.finish();
   return out;
 }
 
-void write_samples(const std::filesystem::path& path, const SampleSet& samples) {
-  detail::replace_file(path, format_samples(samples, sample_format(path)));
+void write_samples(const std::filesystem::path& path, const SampleSet& samples, const Execution& execution) {
+  const SampleFormat format = sample_format(path);
+  const Execution run = execution.start("writing");
+  const std::string data = format_samples(samples, format, run.part(0, 1 - detail::kShareOfDisk));
+  detail::replace_file(path, data, run.part(1 - detail::kShareOfDisk, 1));
+  run.finish();
 }
 
-std::vector<double> parse_values(std::string_view data, const std::string& name) {
-  const detail::IoSource source{data, name};
+std::vector<double> parse_values(std::string_view data, const std::string& name, const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const detail::IoSource source{data, name, run};
   detail::TextCursor cursor(source);
   std::vector<double> values;
   while (cursor.next_content()) {
@@ -717,11 +775,14 @@ std::vector<double> parse_values(std::string_view data, const std::string& name)
     values.push_back(value);
   }
   if (values.empty()) source.fail("no number in it; give one a vertex");
+  run.finish();
   return values;
 }
 
-std::vector<double> parse_vertex_property(std::string_view data, const std::string& property, const std::string& name) {
-  const detail::IoSource source{data, name};
+std::vector<double> parse_vertex_property(std::string_view data, const std::string& property, const std::string& name,
+                                          const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const detail::IoSource source{data, name, run};
   detail::PlyReader reader(source);
   detail::PlyContent content = reader.read({property});
   if (!content.found[0]) source.fail("its vertices have no property " + property);
@@ -729,15 +790,25 @@ std::vector<double> parse_vertex_property(std::string_view data, const std::stri
     if (!std::isfinite(content.values[i]))
       reader.fail(content.at[i], "the property " + property + " is NaN or infinite; correct it");
   }
+  run.finish();
   return std::move(content.values);
 }
 
-std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property) {
-  return parse_vertex_property(detail::read_whole_file(path), property, path.string());
+std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property,
+                                         const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const std::string data = detail::read_whole_file(path, run.part(0, detail::kShareOfDisk));
+  std::vector<double> values = parse_vertex_property(data, property, path.string(), run.part(detail::kShareOfDisk, 1));
+  run.finish();
+  return values;
 }
 
-std::vector<double> read_values(const std::filesystem::path& path) {
-  return parse_values(detail::read_whole_file(path), path.string());
+std::vector<double> read_values(const std::filesystem::path& path, const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const std::string data = detail::read_whole_file(path, run.part(0, detail::kShareOfDisk));
+  std::vector<double> values = parse_values(data, path.string(), run.part(detail::kShareOfDisk, 1));
+  run.finish();
+  return values;
 }
 
 }  // namespace amps

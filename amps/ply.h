@@ -139,6 +139,7 @@ class PlyReader {
         read_faces(element, content.num_vertices, builder);
       } else {
         for (std::int64_t i = 0; i < element.count && !element.properties.empty(); ++i) {
+          source_.look(text_.p);
           for (const PlyProperty& property : element.properties) skip(property);
         }
       }
@@ -324,6 +325,7 @@ class PlyReader {
     content.values.assign(static_cast<std::size_t>(element.count) * wanted.size(), 0.0);
     content.at.reserve(static_cast<std::size_t>(element.count));
     for (std::size_t i = 0; i < static_cast<std::size_t>(element.count); ++i) {
+      source_.look(text_.p);
       if (header_.ascii && !text_.next_content()) ascii_token();
       content.at.push_back(text_.p);
       for (std::size_t k = 0; k < columns.size(); ++k) {
@@ -346,6 +348,7 @@ class PlyReader {
     builder.reserve(0, static_cast<std::size_t>(element.count));
     std::vector<Index> corners;
     for (std::int64_t i = 0; i < element.count; ++i) {
+      source_.look(text_.p);
       for (const PlyProperty& property : element.properties) {
         if (!is_corners(property)) {
           skip(property);

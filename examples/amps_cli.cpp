@@ -647,7 +647,7 @@ int run_info(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
   const bool compare = arguments.has("--reference");
   amps::DistanceOptions options;
-  options.threads = threads_of(arguments);
+  options.execution.threads = threads_of(arguments);
   const amps::Mesh mesh = compare ? load(arguments.operand(0)) : amps::read_mesh(arguments.operand(0));
   const amps::MeshReport report = amps::check(mesh);
   const amps::TopologyReport& shape = report.topology;

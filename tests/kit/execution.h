@@ -4,6 +4,7 @@
 #include "basics.h"
 
 #include "amps/execution.h"
+#include "amps/surface_distance.h"
 
 #include <utility>
 
@@ -18,6 +19,7 @@ template <class Options>
 void run_on(Options& options, unsigned threads) {
   options.threads = threads;
 }
+inline void run_on(amps::DistanceOptions& options, unsigned threads) { options.execution.threads = threads; }
 
 /// `callback` is told where the call is; it cancels by returning false.
 template <class Options>
