@@ -62,6 +62,7 @@
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
+//   mesh_io_samples         (its .cpp only) sample files, lists of numbers
 //   quality.h        angles, edges, areas, valences
 //   surface_tree.h   SurfaceTree: the nearest point of a surface
 //   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces

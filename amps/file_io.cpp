@@ -168,6 +168,12 @@ void open_temporary(OutputFile& output, const std::filesystem::path& target) {
 
 }  // namespace
 
+std::string lower_extension(const std::filesystem::path& path) {
+  std::string extension = path.extension().string();
+  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return extension;
+}
+
 std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size, const Execution& run) {
   std::string data;
   std::size_t size = 0;

@@ -184,6 +184,15 @@ inline void append_float(std::string& out, double value) {
   append_little_endian<std::uint32_t>(out, static_cast<float>(value));
 }
 
+/// Of the time to read or write a file: getting its bytes from the disk or there.
+inline constexpr double kShareOfDisk = 0.2;
+
+/// Rows formatted between two looks: some milliseconds.
+inline constexpr std::uint64_t kRowsPerLook = 1 << 13;
+
+/// The extension of a file name, with its dot, in lower case.
+std::string lower_extension(const std::filesystem::path& path);
+
 /// The rest of a stream, or a whole file. Error(kFileNotFound) if it cannot be opened or read.
 std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size, const Execution& run = {});
 std::string read_whole_file(const std::filesystem::path& path, const Execution& run = {});

@@ -229,12 +229,12 @@ class PlyReader {
 
   // Refuses counts the rest of the file cannot hold. In text every value takes two bytes, but for the last.
   void require_room(const PlyElement& element) const {
-    std::int64_t least = 0;
+    std::int64_t min_bytes = 0;
     for (const PlyProperty& property : element.properties) {
-      least += header_.ascii ? 2 : ply_size(property.is_list ? property.count_type : property.type);
+      min_bytes += header_.ascii ? 2 : ply_size(property.is_list ? property.count_type : property.type);
     }
     const std::int64_t left = source_.end() - text_.p + (header_.ascii ? 1 : 0);
-    if (least > 0 && element.count > left / least) {
+    if (min_bytes > 0 && element.count > left / min_bytes) {
       source_.fail("its header promises " + std::to_string(element.count) + " elements " + TextCursor::shown(element.name) +
                    ", more than the " + std::to_string(left) +
                    " bytes left can hold; the file is cut short or its header is wrong");

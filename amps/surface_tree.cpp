@@ -305,15 +305,15 @@ class TreeBuilder {
     }
     box = TreeBox();
     size = 0;
-    double least = std::numeric_limits<double>::infinity();
+    double min_cost = std::numeric_limits<double>::infinity();
     std::size_t best = 0;
     for (std::size_t k = 1; k < kBins; ++k) {
       box.add(boxes[k - 1]);
       size += sizes[k - 1];
       if (size == 0 || size == range.size()) continue;
       const double cost = box.half_area() * static_cast<double>(size) + cost_after[k];
-      if (cost < least) {
-        least = cost;
+      if (cost < min_cost) {
+        min_cost = cost;
         best = k;
       }
     }
