@@ -3,8 +3,8 @@
 // amps places maximal Poisson-disk sets on triangle meshes and remeshes with them (Yan & Wonka, SIGGRAPH Asia 2012; ACM TOG
 // 32(5), 2013). A set of disks of radius r is Poisson-disk when no two centres are nearer than r, and maximal when no further
 // disk fits: every point of the surface is within r of a centre. Of a maximal set, the dual triangulation on the surface has
-// all angles in [30°, 120°] and all edges in [r, 2r]: guaranteed, on any surface. Both properties are decided exactly, not by
-// tolerance.
+// all angles in [30°, 120°] and all edges in [r, 2r]: guaranteed, on any surface. Whether a set is maximal is decided exactly, not
+// by tolerance: by the signs of polynomials at the corners of the cells of a diagram.
 //
 //   #include "amps/amps.h"
 //
@@ -62,6 +62,7 @@
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
+//   mesh_io_samples         (its .cpp only) sample files, lists of numbers
 //   quality.h        angles, edges, areas, valences
 //   surface_tree.h   SurfaceTree: the nearest point of a surface
 //   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces

@@ -17,6 +17,10 @@ Index narrowed(const unsigned char* at) noexcept {
 
 }  // namespace
 
+// Not inlined even where all sources are one: GCC 12 would follow kNone into arrays and warn of it.
+#if defined(__GNUC__)
+__attribute__((noinline))
+#endif
 Index TrianglesView::converted(const unsigned char* at) const noexcept {
   switch (type_) {
     case Type::kInt16:

@@ -113,6 +113,9 @@ namespace {
 // The system's word for the last error.
 std::string system_message() { return std::error_code(errno != 0 ? errno : EIO, std::generic_category()).message(); }
 
+/// Read or written between two looks: a few milliseconds.
+constexpr std::size_t kBytesPerPiece = std::size_t{1} << 22;
+
 // An open output file, closed and, unless it was completed, removed at the end of its scope.
 struct OutputFile {
   std::filesystem::path path;
@@ -129,9 +132,16 @@ struct OutputFile {
   }
 
   // False (and errno) on failure. Close reports what a full disk or a network drive kept back.
-  bool write_and_close(const std::string& content) {
+  bool write_and_close(const std::string& content, const Execution& run) {
     errno = 0;
-    const bool written = std::fwrite(content.data(), 1, content.size(), file) == content.size() && std::fflush(file) == 0;
+    bool written = true;
+    for (std::size_t at = 0; written && at < content.size();) {
+      const std::size_t piece = std::min(content.size() - at, kBytesPerPiece);
+      written = std::fwrite(content.data() + at, 1, piece, file) == piece;
+      at += piece;
+      run.report(static_cast<double>(at) / static_cast<double>(content.size()));
+    }
+    written = written && std::fflush(file) == 0;
     const int write_error = errno;
     const bool closed = std::fclose(file) == 0;
     file = nullptr;
@@ -158,31 +168,40 @@ void open_temporary(OutputFile& output, const std::filesystem::path& target) {
 
 }  // namespace
 
-std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size) {
+std::string lower_extension(const std::filesystem::path& path) {
+  std::string extension = path.extension().string();
+  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return extension;
+}
+
+std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size, const Execution& run) {
   std::string data;
   std::size_t size = 0;
   do {
     // One byte more than a file of the expected size has, so that its end shows in the first round.
     data.resize(size == 0 ? std::max<std::size_t>(expected_size + 1, 1u << 16) : 2 * data.size());
-    in.read(data.data() + size, static_cast<std::streamsize>(data.size() - size));
-    size += static_cast<std::size_t>(in.gcount());
+    while (in && size < data.size()) {
+      in.read(data.data() + size, static_cast<std::streamsize>(std::min(data.size() - size, kBytesPerPiece)));
+      size += static_cast<std::size_t>(in.gcount());
+      run.report(static_cast<double>(size) / static_cast<double>(data.size()));
+    }
   } while (in);
   if (in.bad()) throw Error(ErrorCode::kFileNotFound, name + ": cannot be read: " + system_message() + "; check the device");
   data.resize(size);
   return data;
 }
 
-std::string read_whole_file(const std::filesystem::path& path) {
+std::string read_whole_file(const std::filesystem::path& path, const Execution& run) {
   std::error_code status;
   if (std::filesystem::is_directory(path, status)) fail_file(path, "is a directory; name a file");
   errno = 0;
   std::ifstream in(path, std::ios::binary);
   if (!in) fail_file(path, "cannot be opened: " + system_message() + "; check its name and permissions");
   const auto size = std::filesystem::file_size(path, status);
-  return read_whole_stream(in, path.string(), status ? 0 : static_cast<std::size_t>(size));
+  return read_whole_stream(in, path.string(), status ? 0 : static_cast<std::size_t>(size), run);
 }
 
-void replace_file(const std::filesystem::path& path, const std::string& content) {
+void replace_file(const std::filesystem::path& path, const std::string& content, const Execution& run) {
   namespace fs = std::filesystem;
   std::error_code error;
   fs::path target = path;
@@ -200,7 +219,7 @@ void replace_file(const std::filesystem::path& path, const std::string& content)
     errno = 0;
     output.file = std::fopen(target.string().c_str(), "wb");
     if (output.file == nullptr) fail_file(path, "cannot be opened: " + system_message() + "; check its permissions");
-    if (!output.write_and_close(content)) fail_file(path, "cannot be written: " + system_message() + remedy);
+    if (!output.write_and_close(content, run)) fail_file(path, "cannot be written: " + system_message() + remedy);
     return;
   }
   // Renaming would get past the protection of a file, so look at it first.
@@ -209,7 +228,7 @@ void replace_file(const std::filesystem::path& path, const std::string& content)
     fail_file(path, "is read-only; change its permissions or choose another name");
   }
   open_temporary(output, target);
-  if (!output.write_and_close(content)) fail_file(path, "cannot be written: " + system_message() + remedy);
+  if (!output.write_and_close(content, run)) fail_file(path, "cannot be written: " + system_message() + remedy);
   if (exists) fs::permissions(output.path, status.permissions(), error);  // best effort
   fs::rename(output.path, target, error);
   if (error) fail_file(path, "cannot be replaced: " + error.message() + "; check its permissions");

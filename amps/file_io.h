@@ -3,6 +3,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 
 #include <algorithm>
 #include <cstddef>
@@ -20,6 +21,17 @@ namespace detail {
 struct IoSource {
   std::string_view data;
   const std::string& name;
+  Execution run = {};                 ///< told how far the reader is
+  mutable std::size_t next_look = 0;  ///< in bytes
+
+  /// To be called once a line or record, with the place it begins; throws when cancelled.
+  void look(const char* where) const {
+    const auto at = static_cast<std::size_t>(where - begin());
+    if (at < next_look) return;
+    constexpr std::size_t kBytesPerLook = 1 << 16;  // of text: a millisecond
+    next_look = at + kBytesPerLook;
+    run.report(static_cast<double>(at) / static_cast<double>(data.size() + 1));
+  }
 
   const char* begin() const { return data.data(); }
   const char* end() const { return data.data() + data.size(); }
@@ -96,6 +108,7 @@ struct TextCursor {
 
   // Goes to the next line that holds something, at or after p; false at the end of the text.
   bool next_content() {
+    source.look(p);
     while (!more_on_line()) {
       if (at_end()) return false;
       skip_line();
@@ -171,13 +184,22 @@ inline void append_float(std::string& out, double value) {
   append_little_endian<std::uint32_t>(out, static_cast<float>(value));
 }
 
+/// Of the time to read or write a file: getting its bytes from the disk or there.
+inline constexpr double kShareOfDisk = 0.2;
+
+/// Rows formatted between two looks: some milliseconds.
+inline constexpr std::uint64_t kRowsPerLook = 1 << 13;
+
+/// The extension of a file name, with its dot, in lower case.
+std::string lower_extension(const std::filesystem::path& path);
+
 /// The rest of a stream, or a whole file. Error(kFileNotFound) if it cannot be opened or read.
-std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size);
-std::string read_whole_file(const std::filesystem::path& path);
+std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size, const Execution& run = {});
+std::string read_whole_file(const std::filesystem::path& path, const Execution& run = {});
 
 /// Writes a file under a temporary name in the same directory and renames it: on failure, Error(kFileNotFound), nothing has
 /// changed. A link is followed, permissions are kept, a read-only file is refused, a device or pipe is written in place.
-void replace_file(const std::filesystem::path& path, const std::string& content);
+void replace_file(const std::filesystem::path& path, const std::string& content, const Execution& run = {});
 
 }  // namespace detail
 }  // namespace amps

@@ -4,6 +4,7 @@
 
 #include "amps/base.h"
 #include "amps/buffers.h"
+#include "amps/execution.h"
 
 #include <memory>
 #include <vector>
@@ -21,8 +22,8 @@ class KdTree {
   };
 
   /// Copies the points, so the caller's buffer may go. They must be finite; an empty set and equal points are fine.
-  /// O(n log n).
-  explicit KdTree(const PointsView& points);
+  /// O(n log n). Throws Error(kCancelled) if stopped through `execution`; its threads are not used.
+  explicit KdTree(const PointsView& points, const Execution& execution = {});
   ~KdTree();
   KdTree(KdTree&&) noexcept;
   KdTree& operator=(KdTree&&) noexcept;

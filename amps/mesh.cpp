@@ -221,9 +221,13 @@ Mesh remove_isolated_vertices(const MeshView& mesh) {
   return renumbered(mesh, keep);
 }
 
-Mesh merge_equal_vertices(const MeshView& mesh) {
+Mesh merge_equal_vertices(const MeshView& mesh, const Execution& execution) {
   require_indices(mesh);
-  return renumbered(mesh, detail::first_equal_vertices(mesh));
+  const Execution run = execution.start("merging vertices");
+  const std::vector<Index> first = detail::first_equal_vertices(mesh, run.part(0, 0.7));
+  Mesh result = renumbered(mesh, first);
+  run.finish();
+  return result;
 }
 
 namespace {
@@ -254,14 +258,17 @@ Index count_boundary_loops(const detail::MeshEdges& edges, const std::vector<std
 
 }  // namespace
 
-TopologyReport topology(const MeshView& mesh) {
+TopologyReport topology(const MeshView& mesh, const Execution& execution) {
   require_index_sizes(mesh);
+  const Execution run = execution.start("looking at the topology");
+  detail::Ticker ticker(run.part(0, 0.15), detail::slot(mesh.num_facets()), detail::kEdgesPerLook);
   const auto num_vertices = static_cast<std::size_t>(mesh.num_vertices());
   TopologyReport report;
   std::vector<char> counted(static_cast<std::size_t>(mesh.num_facets()), 0);
   std::vector<char> used(num_vertices, 0);
   detail::UnionFind surface(num_vertices);
   for (Index f = 0; f < mesh.num_facets(); ++f) {
+    ticker.tick();
     if (!facet_in_range(mesh, f) || facet_has_repeated_index(mesh, f)) continue;
     counted[static_cast<std::size_t>(f)] = 1;
     ++report.facets;
@@ -273,13 +280,14 @@ TopologyReport topology(const MeshView& mesh) {
   report.vertices = static_cast<Index>(std::count(used.begin(), used.end(), char{1}));
   report.components = static_cast<Index>(surface.count(used));
 
-  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted);
+  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0.15, 0.5));
   count_edges(edges, report);
   report.euler_characteristic = report.vertices - report.edges + report.facets;
 
-  const std::vector<std::size_t> fans = detail::corner_fans(edges);
+  const std::vector<std::size_t> fans = detail::corner_fans(edges, {}, run.part(0.55, 0.8));
   report.boundary_loops = count_boundary_loops(edges, fans);
 
+  run.report(0.9);
   // Where three or more facets meet at an edge, their corners are in one fan; vertices of such edges are not asked for theirs.
   std::vector<Index> fans_at = detail::fans_at_vertices(mesh.triangles, mesh.num_vertices(), fans, counted);
   for (std::size_t e = 0; e < edges.size(); ++e) {
@@ -287,22 +295,26 @@ TopologyReport topology(const MeshView& mesh) {
   }
   report.non_manifold_vertices =
       static_cast<Index>(std::count_if(fans_at.begin(), fans_at.end(), [](Index n) { return n > 1; }));
+  run.finish();
   return report;
 }
 
-MeshReport check(const MeshView& mesh) {
+MeshReport check(const MeshView& mesh, const Execution& execution) {
   require_index_sizes(mesh);
+  const Execution run = execution.start("checking the mesh");
   MeshReport report;
   report.vertices = mesh.num_vertices();
   report.facets = mesh.num_facets();
   const std::vector<char> used = used_vertices(mesh);
   report.isolated_vertices = static_cast<Index>(std::count(used.begin(), used.end(), char{0}));
   for (Index v = 0; v < report.vertices; ++v) report.non_finite_vertices += vertex_is_finite(mesh, v) ? 0 : 1;
-  const std::vector<Index> first = detail::first_equal_vertices(mesh);
+  const std::vector<Index> first = detail::first_equal_vertices(mesh, run.part(0, 0.2));
   for (std::size_t v = 0; v < first.size(); ++v) report.duplicate_vertices += first[v] == static_cast<Index>(v) ? 0 : 1;
   CompensatedSum area;
   bool box_started = false;
+  detail::Ticker ticker(run.part(0.2, 0.5), detail::slot(mesh.num_facets()), detail::kEdgesPerLook);
   for (Index f = 0; f < report.facets; ++f) {
+    ticker.tick();
     if (!facet_in_range(mesh, f)) {
       ++report.out_of_range_facets;
       continue;
@@ -316,7 +328,8 @@ MeshReport check(const MeshView& mesh) {
     report.zero_area_facets += !repeated && collinear(a.data(), b.data(), c.data()) ? 1 : 0;
   }
   report.area = area.value();
-  report.topology = topology(mesh);
+  report.topology = topology(mesh, run.part(0.5, 1));
+  run.finish();
   return report;
 }
 

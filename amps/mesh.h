@@ -3,6 +3,7 @@
 
 #include "amps/base.h"
 #include "amps/buffers.h"
+#include "amps/execution.h"
 
 #include <cmath>
 #include <iosfwd>
@@ -46,7 +47,8 @@ struct SurfacePoint {
 /// for more than 2^31 − 1 vertices or facets. Everything else works.
 void require_usable(const MeshView& mesh);
 
-// All functions of this file are O(#V + #F) expected and thread-safe. Those below, but topology() and check(), throw
+// All functions of this file are O(#V + #F) expected and thread-safe. Those that take an Execution use none of its threads, and
+// throw Error(kCancelled) if stopped through it. Those below, but topology() and check(), throw
 // Error(kInvalidMesh) for an index out of range.
 
 /// Area of each facet, absolute units; exactly 0 where the corners are exactly collinear. Good at any scale whose squares a
@@ -69,7 +71,7 @@ Box bounding_box(const MeshView& mesh);
 Mesh remove_isolated_vertices(const MeshView& mesh);
 
 /// Vertices with equal coordinates merged (−0 equals 0), first of each kept, in order; facets keep their number and order.
-Mesh merge_equal_vertices(const MeshView& mesh);
+Mesh merge_equal_vertices(const MeshView& mesh, const Execution& execution = {});
 
 /// The combinatorial shape of a mesh, facets with repeated indices left out and isolated vertices not counted.
 struct TopologyReport {
@@ -90,7 +92,7 @@ struct TopologyReport {
 };
 
 /// Facets with an index out of range are left out too; no other error.
-TopologyReport topology(const MeshView& mesh);
+TopologyReport topology(const MeshView& mesh, const Execution& execution = {});
 std::ostream& operator<<(std::ostream& out, const TopologyReport& report);
 
 /// Everything a user should know about an input before sampling it.
@@ -112,7 +114,7 @@ struct MeshReport {
 };
 
 /// Takes any mesh whatsoever; facets with an index out of range or a corner that is not finite count in no measure.
-MeshReport check(const MeshView& mesh);
+MeshReport check(const MeshView& mesh, const Execution& execution = {});
 std::ostream& operator<<(std::ostream& out, const MeshReport& report);
 
 }  // namespace amps

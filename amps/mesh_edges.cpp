@@ -25,11 +25,13 @@ void sort_by_high(EdgeSide* first, EdgeSide* last) {
 
 }  // namespace
 
-MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const std::vector<char>& counted)
+MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const std::vector<char>& counted, const Execution& run)
     : num_corners_(3 * static_cast<std::size_t>(triangles.rows())) {
   const auto num_facets = static_cast<Index>(triangles.rows());
+  Ticker ticker(run, 2 * slot(num_facets) + slot(num_vertices), kEdgesPerLook);
   const auto for_each_side = [&](auto&& body) {
     for (Index f = 0; f < num_facets; ++f) {
+      ticker.tick();
       if (!counted.empty() && counted[slot(f)] == 0) continue;
       const Index v[3] = {triangles(f, 0), triangles(f, 1), triangles(f, 2)};
       for (std::uint8_t k = 0; k < 3; ++k) {
@@ -48,6 +50,7 @@ MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const s
   begin_.reserve(sides_.size() / 2 + 1);
   low_.reserve(sides_.size() / 2);
   for (Index low = 0; low < num_vertices; ++low) {
+    ticker.tick();
     EdgeSide* const first = sides_.data() + start[slot(low)];
     EdgeSide* const last = sides_.data() + start[slot(low) + 1];
     sort_by_high(first, last);
@@ -76,9 +79,11 @@ std::size_t UnionFind::count(const std::vector<char>& member) {
   return result;
 }
 
-std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<char>& cut) {
+std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<char>& cut, const Execution& run) {
   UnionFind fans(edges.num_corners());
+  Ticker ticker(run, edges.size() + edges.num_corners(), kEdgesPerLook);
   for (std::size_t e = 0; e < edges.size(); ++e) {
+    ticker.tick();
     if (!cut.empty() && cut[e] != 0) continue;
     const MeshEdge edge = edges[e];
     for (const EdgeSide* side = edge.begin() + 1; side < edge.end(); ++side) {
@@ -87,7 +92,10 @@ std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<c
     }
   }
   std::vector<std::size_t> result(edges.num_corners());
-  for (std::size_t c = 0; c < result.size(); ++c) result[c] = fans.find(c);
+  for (std::size_t c = 0; c < result.size(); ++c) {
+    result[c] = fans.find(c);
+    ticker.tick();
+  }
   return result;
 }
 
@@ -141,12 +149,14 @@ void DistinctPoints::grow_table() {
   }
 }
 
-std::vector<Index> first_equal_vertices(const MeshView& mesh) {
+std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& run) {
+  Ticker ticker(run, slot(mesh.num_vertices()), kEdgesPerLook);
   const auto n = slot(mesh.num_vertices());
   DistinctPoints points(n);
   std::vector<Index> first(n), first_of_point;
   first_of_point.reserve(n);
   for (std::size_t i = 0; i < n; ++i) {
+    ticker.tick();
     const auto v = static_cast<Index>(i);
     const Index point = points.find_or_add(mesh.vertices[v]);
     if (slot(point) == first_of_point.size()) first_of_point.push_back(v);

@@ -52,7 +52,8 @@ struct MeshEdge {
 /// repeated index has a side from a vertex to itself, an edge like others; leave such facets out where that matters.
 class MeshEdges {
  public:
-  MeshEdges(const TrianglesView& triangles, Index num_vertices, const std::vector<char>& counted = {});
+  MeshEdges(const TrianglesView& triangles, Index num_vertices, const std::vector<char>& counted = {},
+            const Execution& run = {});
 
   std::size_t size() const { return low_.size(); }
   MeshEdge operator[](std::size_t e) const {
@@ -96,7 +97,7 @@ class UnionFind {
 /// The first corner of each corner's fan, by corner: corners of one vertex belong together where facets meet at an edge between
 /// them that is not cut. Edges whose flag in `cut` is not 0 separate fans (an empty one cuts nothing). At other edges all
 /// facets are joined, whatever their number and orientation. A corner of a facet that does not count is a fan by itself. O(#F).
-std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<char>& cut = {});
+std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<char>& cut = {}, const Execution& run = {});
 
 /// The number of fans at each vertex, of facets that count. `fans`: as corner_fans() gives them. O(#V + #F).
 std::vector<Index> fans_at_vertices(const TrianglesView& triangles, Index num_vertices, const std::vector<std::size_t>& fans,
@@ -127,6 +128,9 @@ class DistinctPoints {
 };
 
 /// For each vertex the first one with equal coordinates; a vertex with a NaN stays alone. O(#V) expected.
-std::vector<Index> first_equal_vertices(const MeshView& mesh);
+std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& run = {});
+
+/// Facets or edges of such loops between looks: some 0.1 ms.
+inline constexpr std::uint64_t kEdgesPerLook = 1 << 12;
 
 }  // namespace amps::detail

@@ -153,6 +153,7 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   MeshBuilder builder(source);
   builder.reserve(static_cast<std::size_t>(vertices), static_cast<std::size_t>(faces));
   for (std::int64_t v = 0; v < vertices; ++v, p += stride) {
+    source.look(p);
     need(stride, "the vertices");
     double xyz[3];
     for (int k = 0; k < 3; ++k) xyz[k] = static_cast<double>(load_as<float, std::uint32_t>(p + 4 * k, true));
@@ -161,6 +162,7 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   }
   std::vector<Index> corners;
   for (std::int64_t f = 0; f < faces; ++f) {
+    source.look(p);
     need(4, "the faces");
     const std::int64_t size = next_int();
     if (size < 0) source.fail_byte(p - 4, "a face of " + std::to_string(size) + " corners; it is not a binary OFF file");
@@ -294,6 +296,7 @@ Mesh parse_binary_stl(const IoSource& source, std::int64_t facets) {
   builder.reserve(static_cast<std::size_t>(3 * facets), static_cast<std::size_t>(facets));
   const char* p = source.begin() + 84;
   for (std::int64_t f = 0; f < facets; ++f, p += record) {
+    source.look(p);
     for (std::ptrdiff_t corner = 0; corner < 3; ++corner) {
       double xyz[3];
       for (std::ptrdiff_t k = 0; k < 3; ++k) {
@@ -317,7 +320,7 @@ Mesh parse_stl(const IoSource& source) {
   TextCursor text(source);
   const bool says_solid = text.next_content() && equal_ignoring_case(text.token(), "solid");
   const bool has_zeros = source.data.substr(0, 512).find('\0') != std::string_view::npos;
-  if (!exact_size && says_solid && !has_zeros) return merge_equal_vertices(parse_ascii_stl(source));
+  if (!exact_size && says_solid && !has_zeros) return parse_ascii_stl(source);
   if (facets < 0) source.fail("it neither starts with solid nor has the 84 bytes of a header; it is not an STL file");
   if (size < 84 + 50 * facets) {
     source.fail("its header promises " + std::to_string(facets) + " facets, more than " + std::to_string(size) +
@@ -325,7 +328,7 @@ Mesh parse_stl(const IoSource& source) {
   }
   if (facets == 0 && size > 84) source.fail("its header promises no facet, but data follows; it is not an STL file");
   if (facets > max_facets) source.fail("more than 2^31 - 1 corners; cut it into parts", ErrorCode::kTooLarge);
-  return merge_equal_vertices(parse_binary_stl(source, facets));
+  return parse_binary_stl(source, facets);
 }
 
 // Writing meshes
@@ -368,23 +371,27 @@ void append_row(std::string& out, const char* prefix, const std::array<Index, 3>
   out += '\n';
 }
 
-std::string format_stl(const MeshView& mesh) {
+std::string format_stl(const MeshView& mesh, const Execution& run) {
   std::string out = "binary STL by amps";  // must not start with "solid"
   out.resize(80, ' ');
   append_little_endian<std::uint32_t>(out, static_cast<std::uint32_t>(mesh.num_facets()));
   out.reserve(84 + 50 * static_cast<std::size_t>(mesh.num_facets()));
   const Points normals = facet_normals(mesh);
+  run.report(0.3);
+  Ticker ticker(run.part(0.3, 1), slot(mesh.num_facets()), kRowsPerLook);
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     for (int k = 0; k < 3; ++k) append_float(out, normals(f, k));
     for (int corner = 0; corner < 3; ++corner) {
       for (int k = 0; k < 3; ++k) append_float(out, mesh.vertices(mesh.triangles(f, corner), k));
     }
     out.append(2, '\0');
+    ticker.tick();
   }
   return out;
 }
 
-std::string format_ply(const MeshView& mesh, bool ascii) {
+std::string format_ply(const MeshView& mesh, bool ascii, const Execution& run) {
+  Ticker ticker(run, slot(mesh.num_vertices()) + slot(mesh.num_facets()), kRowsPerLook);
   std::string out = "ply\nformat ";
   out += ascii ? "ascii" : "binary_little_endian";
   out += " 1.0\nelement vertex " + std::to_string(mesh.vertices.rows());
@@ -392,6 +399,7 @@ std::string format_ply(const MeshView& mesh, bool ascii) {
   out += "\nproperty list uchar int vertex_indices\nend_header\n";
   if (!ascii) out.reserve(out.size() + static_cast<std::size_t>(24 * mesh.vertices.rows() + 13 * mesh.triangles.rows()));
   for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
+    ticker.tick();
     if (ascii) {
       append_row(out, "", mesh.vertices[v]);
     } else {
@@ -399,6 +407,7 @@ std::string format_ply(const MeshView& mesh, bool ascii) {
     }
   }
   for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
+    ticker.tick();
     if (ascii) {
       append_row(out, "3 ", mesh.triangles[f], 0);
     } else {
@@ -407,179 +416,6 @@ std::string format_ply(const MeshView& mesh, bool ascii) {
     }
   }
   return out;
-}
-
-// Samples
-
-// Columns of a sample file, in the order amps writes them.
-const std::vector<std::string> kSampleColumns = {"x", "y", "z", "radius", "facet", "b0", "b1", "b2"};
-
-// Collects rows of `columns` values (4, or 8 with the place on the mesh) and checks them.
-struct SampleBuilder {
-  std::vector<double> values;
-  std::size_t columns = 4;
-
-  // What is wrong with a row, or nullptr.
-  static const char* trouble(const double* row, std::size_t columns) {
-    if (!all_finite(row)) return "a coordinate is NaN or infinite; correct or remove the sample";
-    if (!(row[3] > 0) || !std::isfinite(row[3]))
-      return "the radius is not a positive, finite number; correct or remove the sample";
-    if (columns == 4) return nullptr;
-    const bool facet_ok = row[4] >= 0 && row[4] <= std::numeric_limits<Index>::max() && row[4] == std::floor(row[4]);
-    if (!facet_ok) return "the facet is not an index; correct it, or remove the columns facet, b0, b1 and b2";
-    return all_finite(row + 5) ? nullptr : "a barycentric coordinate is NaN or infinite; correct or remove the sample";
-  }
-
-  SampleSet finish(const IoSource& source) const {
-    const std::size_t n = values.size() / columns;
-    if (n == 0) source.fail("it holds no sample; give at least one");
-    if (n > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
-      source.fail("more than 2^31 - 1 samples; cut it into parts", ErrorCode::kTooLarge);
-    }
-    SampleSet samples;
-    samples.positions.resize(static_cast<std::ptrdiff_t>(n));
-    if (columns == 8) samples.barycentrics.resize(static_cast<std::ptrdiff_t>(n));
-    for (std::size_t i = 0; i < n; ++i) {
-      const double* const row = values.data() + columns * i;
-      std::copy_n(row, 3, samples.positions.data() + 3 * i);
-      samples.radii.push_back(row[3]);
-      if (columns == 8) {
-        samples.facets.push_back(static_cast<Index>(row[4]));
-        std::copy_n(row + 5, 3, samples.barycentrics.data() + 3 * i);
-      }
-    }
-    return samples;
-  }
-};
-
-SampleSet parse_xyzr(const IoSource& source) {
-  TextCursor text(source);
-  SampleBuilder builder;
-  while (text.next_content()) {
-    const char* const line = text.p;
-    double row[4];
-    const int found = text.numbers(row, 4);
-    if (found < 4 || text.more_on_line()) {
-      source.fail_line(line, "expected 4 numbers \"x y z r\", found " + (found < 4 ? std::to_string(found) : "more") +
-                                 cut_short_or_not("a file of samples"));
-    }
-    if (const char* const what = SampleBuilder::trouble(row, 4)) source.fail_line(line, what);
-    builder.values.insert(builder.values.end(), row, row + 4);
-  }
-  return builder.finish(source);
-}
-
-// The fields of a CSV line, blanks and quotes around them removed.
-void split_csv(std::string_view line, std::vector<std::string_view>& fields) {
-  fields.clear();
-  for (bool more = true; more;) {
-    const std::size_t comma = line.find(',');
-    more = comma != std::string_view::npos;
-    std::string_view field = line.substr(0, comma);
-    constexpr std::string_view around = " \t\r\"";
-    const std::size_t from = std::min(field.find_first_not_of(around), field.size());
-    field.remove_prefix(from);
-    field.remove_suffix(field.size() - std::min(field.find_last_not_of(around) + 1, field.size()));
-    fields.push_back(field);
-    if (more) line.remove_prefix(comma + 1);
-  }
-}
-
-SampleSet parse_csv_samples(const IoSource& source) {
-  TextCursor text(source);
-  std::vector<std::string_view> fields;
-  const auto next_fields = [&] {
-    if (!text.next_content()) return false;
-    const char* const line = text.p;
-    while (!text.at_end() && !TextCursor::is_line_end(*text.p)) ++text.p;
-    split_csv({line, static_cast<std::size_t>(text.p - line)}, fields);
-    return true;
-  };
-  if (!next_fields()) source.fail("it is empty; a CSV file of samples starts with x,y,z,radius");
-  constexpr std::size_t missing = static_cast<std::size_t>(-1);
-  std::array<std::size_t, 8> field_of{};
-  field_of.fill(missing);
-  for (std::size_t i = 0; i < fields.size(); ++i) {
-    for (std::size_t k = 0; k < field_of.size(); ++k) {
-      const bool match = equal_ignoring_case(fields[i], kSampleColumns[k]) || (k == 3 && equal_ignoring_case(fields[i], "r"));
-      if (match && field_of[k] == missing) field_of[k] = i;
-    }
-  }
-  const auto has = [&](std::size_t from, std::size_t to) {
-    return std::count(field_of.begin() + static_cast<std::ptrdiff_t>(from), field_of.begin() + static_cast<std::ptrdiff_t>(to),
-                      missing) == 0;
-  };
-  if (!has(0, 4)) source.fail_line(fields[0].data(), "expected a header naming x, y, z and radius; add it");
-  SampleBuilder builder;
-  builder.columns = has(4, 8) ? 8 : 4;
-  const std::size_t width = fields.size();
-  while (next_fields()) {
-    const char* const line = fields[0].data();
-    if (fields.size() != width) {
-      source.fail_line(line, "expected " + std::to_string(width) + " fields, found " + std::to_string(fields.size()) +
-                                 cut_short_or_not("a CSV file of samples"));
-    }
-    double row[8];
-    for (std::size_t k = 0; k < builder.columns; ++k) {
-      const std::string_view field = fields[field_of[k]];
-      if (!parse_double(field.data(), field.data() + field.size(), row[k])) {
-        source.fail_line(line, "expected a number, found \"" + TextCursor::shown(field) + "\"; correct or remove the line");
-      }
-    }
-    if (const char* const what = SampleBuilder::trouble(row, builder.columns)) source.fail_line(line, what);
-    builder.values.insert(builder.values.end(), row, row + builder.columns);
-  }
-  return builder.finish(source);
-}
-
-SampleSet parse_ply_samples(const IoSource& source) {
-  PlyReader reader(source);
-  const PlyContent content = reader.read(kSampleColumns);
-  const auto has = [&](std::size_t from, std::size_t to) {
-    return std::count(content.found.begin() + static_cast<std::ptrdiff_t>(from),
-                      content.found.begin() + static_cast<std::ptrdiff_t>(to), false) == 0;
-  };
-  if (!has(0, 4)) source.fail("its vertices have no x, y, z and radius; it is not a file of samples");
-  SampleBuilder builder;
-  builder.columns = has(4, 8) ? 8 : 4;
-  for (std::size_t i = 0; i < content.at.size(); ++i) {
-    const double* const row = content.values.data() + 8 * i;
-    if (const char* const what = SampleBuilder::trouble(row, builder.columns)) reader.fail(content.at[i], what);
-    builder.values.insert(builder.values.end(), row, row + builder.columns);
-  }
-  return builder.finish(source);
-}
-
-// The set as rows of 4 or 8 values; throws if it is not one read_samples would accept.
-SampleBuilder sample_rows(const SampleSet& samples, bool with_place) {
-  const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "samples: " + what); };
-  const auto n = static_cast<std::size_t>(samples.positions.rows());
-  const bool has_place = !samples.facets.empty();
-  if (n == 0) fail("the set is empty; there is nothing to write");
-  if (samples.radii.size() != n || (has_place && samples.facets.size() != n) ||
-      static_cast<std::size_t>(samples.barycentrics.rows()) != (has_place ? n : 0)) {
-    fail("positions, radii, facets and barycentrics differ in length; give one of each per sample");
-  }
-  SampleBuilder rows;
-  rows.columns = with_place && has_place ? 8 : 4;
-  rows.values.reserve(n * rows.columns);
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto r = static_cast<std::ptrdiff_t>(i);
-    double row[8] = {samples.positions(r, 0), samples.positions(r, 1), samples.positions(r, 2), samples.radii[i]};
-    if (rows.columns == 8) {
-      row[4] = samples.facets[i];
-      for (int k = 0; k < 3; ++k) row[5 + k] = samples.barycentrics(r, k);
-    }
-    if (const char* const what = SampleBuilder::trouble(row, rows.columns)) fail("sample " + std::to_string(i) + ": " + what);
-    rows.values.insert(rows.values.end(), row, row + rows.columns);
-  }
-  return rows;
-}
-
-std::string lower_extension(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return extension;
 }
 
 }  // namespace
@@ -595,149 +431,77 @@ MeshFormat mesh_format(const std::filesystem::path& path) {
               path.string() + ": \"" + extension + "\" is not an extension of a mesh file; use .obj, .off, .ply or .stl");
 }
 
-SampleFormat sample_format(const std::filesystem::path& path) {
-  const std::string extension = detail::lower_extension(path);
-  if (extension == ".xyzr") return SampleFormat::kXyzr;
-  if (extension == ".ply") return SampleFormat::kPly;
-  if (extension == ".csv") return SampleFormat::kCsv;
-  throw Error(ErrorCode::kFileFormat,
-              path.string() + ": \"" + extension + "\" is not an extension of a sample file; use .xyzr, .ply or .csv");
+Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name, const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const auto parse = [&] {
+    const detail::IoSource source{data, name, run.part(0, format == MeshFormat::kStl ? 0.7 : 1)};
+    if (format == MeshFormat::kObj) return detail::parse_obj(source);
+    if (format == MeshFormat::kOff) return detail::parse_off(source);
+    if (format == MeshFormat::kPly) return detail::parse_ply(source);
+    return merge_equal_vertices(detail::parse_stl(source), run.part(0.7, 1));
+  };
+  Mesh mesh = parse();
+  run.finish();
+  return mesh;
 }
 
-Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name) {
-  const detail::IoSource source{data, name};
-  switch (format) {
-    case MeshFormat::kObj:
-      return detail::parse_obj(source);
-    case MeshFormat::kOff:
-      return detail::parse_off(source);
-    case MeshFormat::kPly:
-      return detail::parse_ply(source);
-    case MeshFormat::kStl:
-      break;
-  }
-  return detail::parse_stl(source);
+Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name, const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const std::string data = detail::read_whole_stream(in, name, 0, run.part(0, detail::kShareOfDisk));
+  Mesh mesh = parse_mesh(data, format, name, run.part(detail::kShareOfDisk, 1));
+  run.finish();
+  return mesh;
 }
 
-Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name) {
-  return parse_mesh(detail::read_whole_stream(in, name, 0), format, name);
-}
-
-Mesh read_mesh(const std::filesystem::path& path) {
+Mesh read_mesh(const std::filesystem::path& path, const Execution& execution) {
   const MeshFormat format = mesh_format(path);
-  return parse_mesh(detail::read_whole_file(path), format, path.string());
+  const Execution run = execution.start("reading");
+  const std::string data = detail::read_whole_file(path, run.part(0, detail::kShareOfDisk));
+  Mesh mesh = parse_mesh(data, format, path.string(), run.part(detail::kShareOfDisk, 1));
+  run.finish();
+  return mesh;
 }
 
-std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options) {
+std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options, const Execution& execution) {
   detail::require_writable(mesh, format);
-  if (format == MeshFormat::kPly) return detail::format_ply(mesh, options.ascii_ply);
-  if (format == MeshFormat::kStl) return detail::format_stl(mesh);
+  const Execution run = execution.start("writing");
+  if (format == MeshFormat::kPly || format == MeshFormat::kStl) {
+    std::string data =
+        format == MeshFormat::kPly ? detail::format_ply(mesh, options.ascii_ply, run) : detail::format_stl(mesh, run);
+    run.finish();
+    return data;
+  }
+  detail::Ticker ticker(run, detail::slot(mesh.num_vertices()) + detail::slot(mesh.num_facets()), detail::kRowsPerLook);
   const bool obj = format == MeshFormat::kObj;
   std::string out;
   if (!obj) out = "OFF\n" + std::to_string(mesh.vertices.rows()) + ' ' + std::to_string(mesh.triangles.rows()) + " 0\n";
-  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) detail::append_row(out, obj ? "v " : "", mesh.vertices[v]);
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
+    ticker.tick();
+    detail::append_row(out, obj ? "v " : "", mesh.vertices[v]);
+  }
   for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
+    ticker.tick();
     detail::append_row(out, obj ? "f " : "3 ", mesh.triangles[f], obj ? 1 : 0);
   }
+  run.finish();
   return out;
 }
 
-void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options) {
-  const std::string data = format_mesh(mesh, format, options);
+void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options,
+                const Execution& execution) {
+  const std::string data = format_mesh(mesh, format, options, execution);
   out.write(data.data(), static_cast<std::streamsize>(data.size()));
   out.flush();
   if (!out) throw Error(ErrorCode::kFileNotFound, "stream: the mesh cannot be written to it; check what it leads to");
 }
 
-void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options) {
-  detail::replace_file(path, format_mesh(mesh, mesh_format(path), options));
-}
-
-SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name) {
-  const detail::IoSource source{data, name};
-  if (format == SampleFormat::kPly) return detail::parse_ply_samples(source);
-  return format == SampleFormat::kCsv ? detail::parse_csv_samples(source) : detail::parse_xyzr(source);
-}
-
-SampleSet read_samples(const std::filesystem::path& path) {
-  const SampleFormat format = sample_format(path);
-  return parse_samples(detail::read_whole_file(path), format, path.string());
-}
-
-std::string format_samples(const SampleSet& samples, SampleFormat format) {
-  const detail::SampleBuilder rows = detail::sample_rows(samples, format != SampleFormat::kXyzr);
-  const std::size_t columns = rows.columns;
-  std::string out;
-  if (format == SampleFormat::kPly) {
-    out = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(samples.positions.rows()) + '\n';
-    for (std::size_t k = 0; k < columns; ++k)
-      out += (k == 4 ? "property int " : "property double ") + detail::kSampleColumns[k] + '\n';
-    out += "end_header\n";
-  } else if (format == SampleFormat::kCsv) {
-    for (std::size_t k = 0; k < columns; ++k) out += detail::kSampleColumns[k] + (k + 1 < columns ? ',' : '\n');
-  }
-  for (std::size_t i = 0; i < rows.values.size(); ++i) {
-    const std::size_t column = i % columns;
-    const double value = rows.values[i];
-    if (format == SampleFormat::kPly) {
-      if (column == 4) {
-        detail::append_little_endian<std::uint32_t>(out, static_cast<Index>(value));
-      } else {
-        detail::append_little_endian<std::uint64_t>(out, value);
-      }
-      continue;
-    }
-    if (column == 4) {
-      detail::append_number(out, static_cast<std::int64_t>(value));
-    } else {
-      detail::append_number(out, value);
-    }
-    if (column + 1 == columns) {
-      out += '\n';
-    } else {
-      out += format == SampleFormat::kCsv ? ',' : ' ';
-    }
-  }
-  return out;
-}
-
-void write_samples(const std::filesystem::path& path, const SampleSet& samples) {
-  detail::replace_file(path, format_samples(samples, sample_format(path)));
-}
-
-std::vector<double> parse_values(std::string_view data, const std::string& name) {
-  const detail::IoSource source{data, name};
-  detail::TextCursor cursor(source);
-  std::vector<double> values;
-  while (cursor.next_content()) {
-    const char* const where = cursor.p;
-    double value = 0;
-    cursor.numbers(&value, 1);
-    if (!std::isfinite(value)) source.fail_line(where, "a value is NaN, infinite or too large for a double; correct it");
-    values.push_back(value);
-  }
-  if (values.empty()) source.fail("no number in it; give one a vertex");
-  return values;
-}
-
-std::vector<double> parse_vertex_property(std::string_view data, const std::string& property, const std::string& name) {
-  const detail::IoSource source{data, name};
-  detail::PlyReader reader(source);
-  detail::PlyContent content = reader.read({property});
-  if (!content.found[0]) source.fail("its vertices have no property " + property);
-  for (std::size_t i = 0; i < content.at.size(); ++i) {
-    if (!std::isfinite(content.values[i]))
-      reader.fail(content.at[i], "the property " + property + " is NaN or infinite; correct it");
-  }
-  return std::move(content.values);
-}
-
-std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property) {
-  return parse_vertex_property(detail::read_whole_file(path), property, path.string());
-}
-
-std::vector<double> read_values(const std::filesystem::path& path) {
-  return parse_values(detail::read_whole_file(path), path.string());
+void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options,
+                const Execution& execution) {
+  const MeshFormat format = mesh_format(path);
+  const Execution run = execution.start("writing");
+  const std::string data = format_mesh(mesh, format, options, run.part(0, 1 - detail::kShareOfDisk));
+  detail::replace_file(path, data, run.part(1 - detail::kShareOfDisk, 1));
+  run.finish();
 }
 
 }  // namespace amps

@@ -7,6 +7,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/samples.h"
 
@@ -33,11 +34,12 @@ SampleFormat sample_format(const std::filesystem::path& path);
 /// Throws Error: kFileNotFound (cannot be opened or read), kFileFormat (unknown extension, cut short, not this format,
 /// a coordinate that is not a finite number, an index out of range, counts larger than the file), kTooLarge (more vertices or
 /// facets than an Index counts). O(file size) time; memory a small multiple of the file. Thread-safe.
-Mesh read_mesh(const std::filesystem::path& path);
+/// Stopped through `execution`, as all functions here can be: kCancelled, and no file is touched. Its threads are not used.
+Mesh read_mesh(const std::filesystem::path& path, const Execution& execution = {});
 
 /// The same from a stream, read to its end (open it in binary mode), or from memory. `name` stands for the file in errors.
-Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name = "stream");
-Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name = "memory");
+Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name = "stream", const Execution& execution = {});
+Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name = "memory", const Execution& execution = {});
 
 struct MeshWriteOptions {
   /// PLY as text instead of binary_little_endian. Both hold doubles exactly.
@@ -52,35 +54,40 @@ struct MeshWriteOptions {
 /// there before, and no temporary. An existing file keeps its permissions; a link is followed; a device or pipe is written in
 /// place. Throws Error: kFileNotFound (no directory, no permission, disk full), kFileFormat (unknown extension), kInvalidMesh
 /// (coordinates that are not finite, or not in single precision for STL; indices out of range). O(#V + #F).
-void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options = {});
+void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options = {},
+                const Execution& execution = {});
 
 /// The same to a stream (open it in binary mode; Error(kFileNotFound) if it fails), or to memory.
-void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {});
-std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {});
+void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},
+                const Execution& execution = {});
+std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},
+                        const Execution& execution = {});
 
 /// Reads a sample set. .xyzr: four numbers a line; blank lines and `#` comments are skipped. .csv: a header line naming the
 /// columns x, y, z, radius (or r) and, optionally, facet, b0, b1, b2 in any order; other columns are skipped. .ply: vertex
 /// properties of these names. Facets and barycentrics are filled if all four columns are there and left empty otherwise.
 /// Throws as read_mesh, and kFileFormat for a radius that is not > 0, a facet that is not an index, a file with no sample.
-SampleSet read_samples(const std::filesystem::path& path);
-SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name = "memory");
+SampleSet read_samples(const std::filesystem::path& path, const Execution& execution = {});
+SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name = "memory",
+                        const Execution& execution = {});
 
 /// Writes a sample set so that reading it gives the same bits; .ply (binary) and .csv carry facets and barycentrics if present,
 /// .xyzr never. Files are replaced as by write_mesh. Throws as write_mesh, and kInvalidArgument for a set that is empty, whose
 /// arrays differ in length, or with a value read_samples would refuse.
-void write_samples(const std::filesystem::path& path, const SampleSet& samples);
-std::string format_samples(const SampleSet& samples, SampleFormat format);
+void write_samples(const std::filesystem::path& path, const SampleSet& samples, const Execution& execution = {});
+std::string format_samples(const SampleSet& samples, SampleFormat format, const Execution& execution = {});
 
 /// Reads numbers, any white space between, `#` comments skipped: one value a vertex, say, for vertex_sizing. Their count is for
 /// the user to compare. Throws Error: kFileNotFound, kFileFormat (something that is no finite number, naming the line; no
 /// number).
-std::vector<double> read_values(const std::filesystem::path& path);
-std::vector<double> parse_values(std::string_view data, const std::string& name = "memory");
+std::vector<double> read_values(const std::filesystem::path& path, const Execution& execution = {});
+std::vector<double> parse_values(std::string_view data, const std::string& name = "memory", const Execution& execution = {});
 
 /// A scalar property of the vertices of a PLY file, by its name ("quality", "radius", ...): one value a vertex. Throws as
 /// read_mesh, and kFileFormat if the vertices have no such property or a value is not finite.
-std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property);
+std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property,
+                                         const Execution& execution = {});
 std::vector<double> parse_vertex_property(std::string_view data, const std::string& property,
-                                          const std::string& name = "memory");
+                                          const std::string& name = "memory", const Execution& execution = {});
 
 }  // namespace amps

@@ -139,6 +139,7 @@ class PlyReader {
         read_faces(element, content.num_vertices, builder);
       } else {
         for (std::int64_t i = 0; i < element.count && !element.properties.empty(); ++i) {
+          source_.look(text_.p);
           for (const PlyProperty& property : element.properties) skip(property);
         }
       }
@@ -228,12 +229,12 @@ class PlyReader {
 
   // Refuses counts the rest of the file cannot hold. In text every value takes two bytes, but for the last.
   void require_room(const PlyElement& element) const {
-    std::int64_t least = 0;
+    std::int64_t min_bytes = 0;
     for (const PlyProperty& property : element.properties) {
-      least += header_.ascii ? 2 : ply_size(property.is_list ? property.count_type : property.type);
+      min_bytes += header_.ascii ? 2 : ply_size(property.is_list ? property.count_type : property.type);
     }
     const std::int64_t left = source_.end() - text_.p + (header_.ascii ? 1 : 0);
-    if (least > 0 && element.count > left / least) {
+    if (min_bytes > 0 && element.count > left / min_bytes) {
       source_.fail("its header promises " + std::to_string(element.count) + " elements " + TextCursor::shown(element.name) +
                    ", more than the " + std::to_string(left) +
                    " bytes left can hold; the file is cut short or its header is wrong");
@@ -324,6 +325,7 @@ class PlyReader {
     content.values.assign(static_cast<std::size_t>(element.count) * wanted.size(), 0.0);
     content.at.reserve(static_cast<std::size_t>(element.count));
     for (std::size_t i = 0; i < static_cast<std::size_t>(element.count); ++i) {
+      source_.look(text_.p);
       if (header_.ascii && !text_.next_content()) ascii_token();
       content.at.push_back(text_.p);
       for (std::size_t k = 0; k < columns.size(); ++k) {
@@ -346,6 +348,7 @@ class PlyReader {
     builder.reserve(0, static_cast<std::size_t>(element.count));
     std::vector<Index> corners;
     for (std::int64_t i = 0; i < element.count; ++i) {
+      source_.look(text_.p);
       for (const PlyProperty& property : element.properties) {
         if (!is_corners(property)) {
           skip(property);

@@ -16,9 +16,9 @@ StaticBounds StaticBounds::for_set(const Vec3& extent, double weight_range, int 
     bounds.power_exact = std::ldexp(1.0, 48 + 5 * unit);
   }
   // A flat box has no static bound of use; a huge or tiny one leaves it to the later stages.
-  const double least = extent.minCoeff(), most = extent.maxCoeff();
+  const double min_extent = extent.minCoeff(), max_extent = extent.maxCoeff();
   const double height = extent.squaredNorm() + weight_range;
-  if (!(most < kFilterMax && least > kFilterMin && height < kFilterMax)) return bounds;
+  if (!(max_extent < kFilterMax && min_extent > kFilterMin && height < kFilterMax)) return bounds;
   // The box's own extents carry a rounding; the slack of the constants covers it.
   const double volume = extent.x() * extent.y() * extent.z();
   bounds.orientation = kOrientationBound * volume;

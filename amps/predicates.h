@@ -223,8 +223,8 @@ int orient3d(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint
   }
   const auto largest = [&m](int k) { return std::max({std::fabs(m[0][k]), std::fabs(m[1][k]), std::fabs(m[2][k])}); };
   const double mx = largest(0), my = largest(1), mz = largest(2);
-  const double least = std::min({mx, my, mz});
-  if (std::max({mx, my, mz}) < detail::kFilterMax && (least > detail::kFilterMin || least == 0)) {
+  const double min_magnitude = std::min({mx, my, mz});
+  if (std::max({mx, my, mz}) < detail::kFilterMax && (min_magnitude > detail::kFilterMin || min_magnitude == 0)) {
     const double volume = mx * my * mz;
     const double bound = detail::kOrientationBound * volume;
     if (value > bound || -value > bound) {
@@ -258,8 +258,8 @@ int power_test(const WeightedPoint& p0, const WeightedPoint& p1, const WeightedP
   }
   const double m[3] = {rows.x.largest(), rows.y.largest(), rows.z.largest()};
   const double mh = m[0] * m[0] + m[1] * m[1] + m[2] * m[2] + rows.w.largest();
-  const double least = std::min({m[0], m[1], m[2]});
-  if (mh < detail::kFilterMax && (least > detail::kFilterMin || least == 0)) {
+  const double min_magnitude = std::min({m[0], m[1], m[2]});
+  if (mh < detail::kFilterMax && (min_magnitude > detail::kFilterMin || min_magnitude == 0)) {
     const double magnitude = mh * m[0] * m[1] * m[2];
     const double bound = detail::kPowerBound * magnitude;
     if (value > bound || -value > bound) {

@@ -56,7 +56,8 @@ bool quality_skips(const TrianglesView& triangles, Index f) {
   return triangles(f, 0) == triangles(f, 1) || triangles(f, 1) == triangles(f, 2) || triangles(f, 2) == triangles(f, 0);
 }
 
-void measure_facets(const MeshView& mesh, QualityReport& report) {
+void measure_facets(const MeshView& mesh, QualityReport& report, const Execution& run) {
+  detail::Ticker ticker(run, detail::slot(mesh.num_facets()), detail::kEdgesPerLook);
   report.min_angle = 180;
   report.min_q = 1;
   double smallest_area = std::numeric_limits<double>::infinity();
@@ -64,6 +65,7 @@ void measure_facets(const MeshView& mesh, QualityReport& report) {
   Index below_30 = 0;
   Index above_90 = 0;
   for (Index f = 0; f < mesh.num_facets(); ++f) {
+    ticker.tick();
     if (quality_skips(mesh.triangles, f)) continue;
     const FacetShape shape = facet_shape(mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2));
     ++report.triangles;
@@ -90,14 +92,16 @@ void measure_facets(const MeshView& mesh, QualityReport& report) {
   report.area_ratio = largest_area > 0 ? smallest_area / largest_area : 0;
 }
 
-void measure_edges(const MeshView& mesh, QualityReport& report) {
+void measure_edges(const MeshView& mesh, QualityReport& report, const Execution& run) {
   std::vector<char> counted(detail::slot(mesh.num_facets()));
   for (Index f = 0; f < mesh.num_facets(); ++f) counted[detail::slot(f)] = quality_skips(mesh.triangles, f) ? 0 : 1;
-  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted);
+  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0, 0.6));
+  detail::Ticker ticker(run.part(0.6, 1), edges.size(), detail::kEdgesPerLook);
   const auto num_vertices = detail::slot(mesh.num_vertices());
   std::vector<Index> degree(num_vertices, 0);
   std::vector<char> on_boundary(num_vertices, 0);
   for (std::size_t e = 0; e < edges.size(); ++e) {
+    ticker.tick();
     const detail::MeshEdge edge = edges[e];
     const std::size_t low = detail::slot(edge.low), high = detail::slot(edge.high);
     const double length = (mesh.vertices[edge.low] - mesh.vertices[edge.high]).norm();
@@ -122,10 +126,12 @@ void measure_edges(const MeshView& mesh, QualityReport& report) {
 
 }  // namespace
 
-QualityReport quality(const MeshView& mesh) {
+QualityReport quality(const MeshView& mesh, const Execution& execution) {
+  const Execution run = execution.start("measuring triangles");
   QualityReport report;
-  measure_facets(mesh, report);
-  measure_edges(mesh, report);
+  measure_facets(mesh, report, run.part(0, 0.4));
+  measure_edges(mesh, report, run.part(0.4, 1));
+  run.finish();
   return report;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 
 #include <array>
@@ -24,7 +25,8 @@ struct QualityReport {
   Index interior_vertices = 0;      ///< used by a facet and on no boundary edge
   double valence_5_6_7 = 0;         ///< % of interior vertices with 5 to 7 edges; 0 if there is no interior vertex
 };
-QualityReport quality(const MeshView& mesh);
+/// Throws Error(kCancelled) if stopped through `execution`, whose threads are not used. O(#V + #F).
+QualityReport quality(const MeshView& mesh, const Execution& execution = {});
 std::ostream& operator<<(std::ostream& out, const QualityReport& report);
 
 }  // namespace amps

@@ -26,19 +26,6 @@ void NearbyDisks::assign(const TrialPatch& patch, int first) {
   while (size_ % kBlock != 0) add(Vec3::Constant(INFINITY), 0);
 }
 
-bool NearbyDisks::are_apart(const Vec3& x, double& nearest) const {
-  for (std::size_t begin = 0; begin < size_; begin += kBlock) {
-    double depth = INFINITY;
-    for (std::size_t k = begin; k < begin + kBlock; ++k) {
-      const double dx = x_[k] - x[0], dy = y_[k] - x[1], dz = z_[k] - x[2], d = dx * dx + dy * dy + dz * dz;
-      depth = std::min(depth, d - weight_[k]);
-      nearest = std::min(nearest, d);
-    }
-    if (depth < 0) return false;
-  }
-  return true;
-}
-
 void NearbyDisks::add(const Vec3& x, double weight) {
   x_[size_] = x[0];
   y_[size_] = x[1];
@@ -197,9 +184,11 @@ void RefillFinder::fill_pool(Rng& rng) {
     if (!others_.are_apart(drawn, nearest)) continue;
     Sample sample;
     sample.at = surface_point_below(diagram_.mesh(), piece.facet, drawn);
-    const Vec3& x = sample.position();  // where it was drawn but for rounding, so it is looked at anew
-    nearest = INFINITY;
-    if (!x.allFinite() || !others_.are_apart(x, nearest)) continue;
+    if (!sample.position().allFinite()) continue;
+    if (radii_.lowers()) {  // rounding has moved it, and the radius must be below the distance from where it is
+      nearest = INFINITY;
+      if (!others_.are_apart(sample.position(), nearest)) continue;
+    }
     sample.radius = radii_.lowered(radii_.at(sample.at), nearest);
     pool_.push_back(sample);
   }

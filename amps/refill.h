@@ -10,7 +10,9 @@
 #include "amps/trial_patch.h"
 #include "amps/wanted_radii.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -37,7 +39,18 @@ class NearbyDisks {
   void assign(const TrialPatch& patch, int first);
 
   /// Is x in none of them? If so, `nearest` is the squared distance of the nearest centre.
-  bool are_apart(const Vec3& x, double& nearest) const;
+  bool are_apart(const Vec3& x, double& nearest) const {
+    for (std::size_t begin = 0; begin < size_; begin += kBlock) {
+      double depth = INFINITY;
+      for (std::size_t k = begin; k < begin + kBlock; ++k) {
+        const double dx = x_[k] - x[0], dy = y_[k] - x[1], dz = z_[k] - x[2], d = dx * dx + dy * dy + dz * dz;
+        depth = std::min(depth, d - weight_[k]);
+        nearest = std::min(nearest, d);
+      }
+      if (depth < 0) return false;
+    }
+    return true;
+  }
 
  private:
   static constexpr std::size_t kBlock = 8;

@@ -215,15 +215,19 @@ namespace {
 /// Tabulates a function facet by facet.
 class Tabulator {
  public:
-  Tabulator(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options)
-      : mesh_(mesh), radius_(radius), options_(options), areas_(facet_areas(mesh)) {
+  Tabulator(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options, Execution execution)
+      : mesh_(mesh), radius_(radius), options_(options), run_(std::move(execution)), areas_(facet_areas(mesh)) {
     levels_.assign(areas_.size(), 0);
     nodes_.reserve(3 * areas_.size());
     at_vertex_.assign(slot(mesh.num_vertices()), 0.0);
   }
 
   SizingField run() {
-    for (Index f = 0; f < mesh_.num_facets(); ++f) tabulate(f);
+    Ticker ticker(run_, areas_.size());
+    for (Index f = 0; f < mesh_.num_facets(); ++f) {
+      tabulate(f);
+      ticker.tick();
+    }
     return SizingFieldAccess::make(make_lattice(mesh_.copy(), std::move(areas_), std::move(levels_)), std::move(nodes_));
   }
 
@@ -231,6 +235,7 @@ class Tabulator {
   static constexpr int kLastLevel = 14;
 
   double call(Index facet, const Vec3& b) const {
+    run_.check();  // a facet may have many nodes, and a node take long
     SurfacePoint at{facet, b, Vec3::Zero()};
     at.position = b[0] * mesh_.corner(facet, 0) + b[1] * mesh_.corner(facet, 1) + b[2] * mesh_.corner(facet, 2);
     const double r = radius_(at);
@@ -355,6 +360,7 @@ class Tabulator {
   const MeshView& mesh_;
   const SizingFunction& radius_;
   const TabulationOptions& options_;
+  const Execution run_;
   std::vector<double> areas_;
   std::vector<std::uint8_t> levels_;
   std::vector<double> nodes_;
@@ -366,11 +372,15 @@ class Tabulator {
 }  // namespace
 }  // namespace detail
 
-SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options) {
+SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options,
+                            const Execution& execution) {
   require_usable(mesh);
   if (!radius) refuse_sizing("no function given");
   if (!(options.tolerance > 0 && options.finest > 0)) refuse_sizing("tolerance and finest must be positive");
-  return detail::Tabulator(mesh, radius, options).run();
+  const Execution run = execution.start("tabulating radii");
+  SizingField result = detail::Tabulator(mesh, radius, options, run).run();
+  run.finish();
+  return result;
 }
 
 }  // namespace amps

@@ -11,6 +11,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 
 #include <array>
@@ -84,7 +85,7 @@ class SizingField {
   /// Distances come out too long, r too large, where lattice triangles are very obtuse. Persson, "Mesh size functions for
   /// implicit geometries and PDE-based gradient limiting", 2006. Throws Error(kInvalidArgument) unless gradation > 0 (infinite:
   /// no limit). O(nodes · log).
-  SizingField limited(double gradation) const;
+  SizingField limited(double gradation, const Execution& execution = {}) const;
 
  private:
   friend struct detail::SizingFieldAccess;
@@ -110,11 +111,14 @@ double count_factor(const SizingField& field, double count);
 /// The field scaled by some s and then limited in gradation, for about `count` samples in all: s is such that
 /// kSamplesPerDensity · ∫dA/r² is within 0.5 % of `count`. An infinite gradation gives field.scaled(count_factor(field,
 /// count)). Throws as count_factor and SizingField::limited. A few times the cost of limited().
-SizingField for_count(const SizingField& field, double count, double gradation = kDefaultGradation);
+SizingField for_count(const SizingField& field, double count, double gradation = kDefaultGradation,
+                      const Execution& execution = {});
 
 /// The smaller radius of two fields of one mesh, at the nodes of the finer lattice of each facet: nowhere above either. Throws
 /// Error(kInvalidArgument) if a field is empty or they belong to different meshes.
 SizingField min(const SizingField& a, const SizingField& b);
+
+// Functions that take an Execution throw Error(kCancelled) if stopped through it.
 
 // Factories. Each throws Error(kInvalidMesh) for a mesh that is not usable (require_usable) and kInvalidArgument as said.
 
@@ -146,7 +150,8 @@ struct TabulationOptions {
 /// Tabulates a function. Details smaller than an eighth of a facet and than twice the radius around may be missed: give the
 /// mesh facets, or the function radii, of their size. Throws Error(kInvalidArgument), naming the point, if a value is not > 0
 /// and finite. O(#F + nodes) and about 5 calls a node.
-SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options = {});
+SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options = {},
+                            const Execution& execution = {});
 
 struct LfsOptions {
   double scale = 1;  ///< r = scale · lfs
@@ -168,10 +173,11 @@ struct LfsOptions {
 /// have values too large. Between 1e-6 and 1 times the diagonal of the bounding box, which is also the value where there is no
 /// medial axis: on flat surfaces. 1-Lipschitz in space. Poles are thinned: errors of 1 %. Throws Error(kInvalidArgument) for
 /// options out of range and points that are not finite. O(n log n) expected.
-std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options = {});
+std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options = {},
+                                       const Execution& execution = {});
 
 /// r = scale · lfs; with it ρ = 1/r² ∝ 1/lfs². At vertices, and tabulated on facets that are large beside it.
-SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options = {});
+SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options = {}, const Execution& execution = {});
 
 /// #V greatest absolute principal curvatures, 1/length, estimated from the change of vertex normals over each facet
 /// (Rusinkiewicz, "Estimating curvatures and their derivatives on triangle meshes", 2004; normals by Max 1999), averaged around
@@ -179,7 +185,7 @@ SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options = {});
 /// facets of one orientation, are creases: nothing is averaged or differenced over them, and a vertex has the greatest of its
 /// sides' values. 0 at isolated vertices. Vertices of equal position are one. Throws Error(kInvalidArgument) unless 0 ≤
 /// crease_angle ≤ 180. O(#F log #F).
-std::vector<double> max_curvature(const MeshView& mesh, double crease_angle = 50);
+std::vector<double> max_curvature(const MeshView& mesh, double crease_angle = 50, const Execution& execution = {});
 
 struct CurvatureOptions {
   double max_error = 0;      ///< ε: absolute units, > 0
@@ -191,6 +197,6 @@ struct CurvatureOptions {
 /// circumradius r with corners on a sphere of curvature κ is off by up to the sagitta 1/κ − √(1/κ² − r²), so r = √(ε(2/κ − ε))
 /// with κ the max_curvature, and 1/κ where κε ≥ 1. At vertices. Creases are no matter of radii: a triangle across one cuts it
 /// off. Throws Error(kInvalidArgument) unless max_error > 0.
-SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& options);
+SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& options, const Execution& execution = {});
 
 }  // namespace amps

@@ -98,15 +98,17 @@ std::array<double, 3> corner_areas(const std::array<Vec3, 3>& corner) {
 /// A mesh whose corners are grouped into smooth fans.
 class CurvatureEstimator {
  public:
-  CurvatureEstimator(const MeshView& mesh, double crease_angle) : mesh_(merge_equal_vertices(mesh)), view_(mesh_) {
+  CurvatureEstimator(const MeshView& mesh, double crease_angle, const Execution& run)
+      : mesh_(merge_equal_vertices(mesh, run.part(0, 0.1))), view_(mesh_) {
     crease_cosine_ = detail::portable_cosine(crease_angle);
     normals_ = facet_normals(view_);
     // To unit size: fourth powers of lengths must be doubles.
     const Box box = bounding_box(view_);
     scale_ = 1 / box.diagonal();
-    group_corners();
-    estimate_normals();
-    estimate_tensors();
+    run.report(0.15);
+    group_corners(run.part(0.15, 0.45));
+    estimate_normals(run.part(0.45, 0.65));
+    estimate_tensors(run.part(0.65, 1));
   }
 
   /// By facet corner: the greatest value at its vertex.
@@ -133,18 +135,22 @@ class CurvatureEstimator {
   }
 
   /// The corners around a vertex, across smooth edges.
-  void group_corners() {
+  void group_corners(const Execution& run) {
     std::vector<char> counted(slot(view_.num_facets()));
     for (std::size_t f = 0; f < counted.size(); ++f) counted[f] = normal_of_facet(f).squaredNorm() > 0 ? 1 : 0;
     const detail::MeshEdges edges(view_.triangles, view_.num_vertices(), counted);
+    run.report(0.4);
+    detail::Ticker ticker(run.part(0.4, 0.7), edges.size(), kCornersPerLook);
     std::vector<char> sharp(edges.size(), 0), smooth_side(edges.num_corners(), 0);
     for (std::size_t e = 0; e < edges.size(); ++e) {
       const detail::MeshEdge edge = edges[e];
       const auto normal = [&](std::size_t i) { return normal_of_facet(slot(edge[i].facet)); };
       sharp[e] = edge.regular() && !(normal(0).dot(normal(1)) < crease_cosine_) ? 0 : 1;
       if (sharp[e] == 0) smooth_side[edge[0].corner()] = smooth_side[edge[1].corner()] = 1;
+      ticker.tick();
     }
     fan_ = detail::corner_fans(edges, sharp);
+    run.report(0.9);
     open_.assign(fan_.size(), 0);
     for (std::size_t c = 0; c < fan_.size(); ++c) {
       if (smooth_side[c] != 0) continue;
@@ -152,21 +158,24 @@ class CurvatureEstimator {
     }
   }
 
-  void estimate_normals() {
+  void estimate_normals(const Execution& run) {
+    detail::Ticker ticker(run.part(0, 0.6), fan_.size(), kCornersPerLook);
     fan_normals_.assign(fan_.size(), Vec3::Zero());
     for (std::size_t c = 0; c < fan_.size(); ++c) {
       const auto corner = corners_of(c / 3);
       const Vec3 a = corner[(c + 1) % 3] - corner[c % 3], b = corner[(c + 2) % 3] - corner[c % 3];
       const double weight = a.squaredNorm() * b.squaredNorm();
       if (weight > 0) fan_normals_[fan_[c]] += a.cross(b) / weight;
+      ticker.tick();
     }
     for (Vec3& n : fan_normals_) n.stableNormalize();
-    correct_open_fans();
+    correct_open_fans(run.part(0.6, 1));
   }
 
   /// The facets of an open fan all lie on one side of its vertex, and so does the place that has their mean normal. A facet's
   /// normal is about the mean of those at its corners: what the corners with closed fans leave is for the others.
-  void correct_open_fans() {
+  void correct_open_fans(const Execution& run) {
+    detail::Ticker ticker(run, fan_.size(), kCornersPerLook);
     std::vector<Vec3> corrected(fan_.size(), Vec3::Zero());
     for (std::size_t f = 0; 3 * f < fan_.size(); ++f) {
       const auto corner = corners_of(f);
@@ -184,6 +193,7 @@ class CurvatureEstimator {
       for (std::size_t k = 0; k < 3; ++k) {
         if (open_[fan_[3 * f + k]] != 0) corrected[fan_[3 * f + k]] += weight / open * left;
       }
+      ticker.tick(3);
     }
     constexpr double kTrusted = 0.866;  // 30°: beyond, the facets are too coarse or uneven for this
     for (std::size_t fan = 0; fan < fan_.size(); ++fan) {
@@ -193,11 +203,13 @@ class CurvatureEstimator {
     }
   }
 
-  void estimate_tensors() {
+  void estimate_tensors(const Execution& run) {
+    detail::Ticker ticker(run, fan_.size(), kCornersPerLook);
     constexpr double kThinnest = 1e-6;  // height over longest edge below which a facet's normal is noise
     tensors_.assign(fan_.size(), {});
     weights_.assign(fan_.size(), 0.0);
     for (std::size_t f = 0; 3 * f < fan_.size(); ++f) {
+      ticker.tick(3);
       const auto corner = corners_of(f);
       const Vec3 cross = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
       double longest = 0;
@@ -218,6 +230,7 @@ class CurvatureEstimator {
     }
   }
 
+  static constexpr std::uint64_t kCornersPerLook = 1 << 14;  // a millisecond or two
   Mesh mesh_;
   MeshView view_;
   Points normals_;
@@ -232,24 +245,26 @@ class CurvatureEstimator {
 
 }  // namespace
 
-std::vector<double> max_curvature(const MeshView& mesh, double crease_angle) {
+std::vector<double> max_curvature(const MeshView& mesh, double crease_angle, const Execution& execution) {
   require_usable(mesh);
   if (!(crease_angle >= 0 && crease_angle <= 180)) {
     throw Error(ErrorCode::kInvalidArgument, "curvature: the crease angle must lie in [0, 180] degrees");
   }
-  const std::vector<double> at_corner = CurvatureEstimator(mesh, crease_angle).at_corners();
+  const Execution run = execution.start("estimating curvature");
+  const std::vector<double> at_corner = CurvatureEstimator(mesh, crease_angle, run.part(0, 0.95)).at_corners();
   std::vector<double> result(slot(mesh.num_vertices()), 0.0);
   for (std::size_t c = 0; c < at_corner.size(); ++c) {
     result[slot(mesh.triangles(static_cast<std::ptrdiff_t>(c / 3), static_cast<int>(c % 3)))] = at_corner[c];
   }
+  run.finish();
   return result;
 }
 
-SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& options) {
+SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& options, const Execution& execution) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "curvature sizing: " + what); };
   if (!(options.max_error > 0 && std::isfinite(options.max_error))) fail("max_error must be positive and finite");
   if (!(options.max_radius >= 0 && std::isfinite(options.max_radius))) fail("max_radius must be finite and not negative");
-  std::vector<double> radii = max_curvature(mesh, options.crease_angle);
+  std::vector<double> radii = max_curvature(mesh, options.crease_angle, execution);
   const double greatest = options.max_radius > 0 ? options.max_radius : bounding_box(mesh).diagonal();
   for (double& r : radii) {
     const double curvature = r, error = options.max_error;

@@ -4,6 +4,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sizing_lattice.h"
 
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <numeric>
@@ -12,16 +13,25 @@ namespace amps {
 namespace detail {
 namespace {
 
+/// Lattice triangles, or facets without a lattice, between looks: about a millisecond.
+constexpr std::uint64_t kPiecesPerLook = 1 << 13;
+
 /// All lattice nodes of a mesh, those on shared edges and at vertices of equal position being one. Where facets beside an edge
 /// have different lattices, it has the nodes of the finest.
 class NodeGraph {
  public:
-  explicit NodeGraph(const SizingLattice& lattice) : lattice_(lattice), welded_(merge_equal_vertices(lattice.mesh)) {
+  NodeGraph(const SizingLattice& lattice, const Execution& run)
+      : lattice_(lattice), welded_(merge_equal_vertices(lattice.mesh)) {
+    run.report(0.3);
     count_ = static_cast<Index>(welded_.vertices.rows());
     if (!lattice.simple()) number_edges();
     node_.reserve(lattice.num_nodes());
-    for (Index f = 0; f < lattice.num_facets(); ++f) number_facet(f);
-    place_nodes();
+    Ticker ticker(run.part(0.3, 0.6), slot(lattice.num_facets()), kPiecesPerLook);
+    for (Index f = 0; f < lattice.num_facets(); ++f) {
+      number_facet(f);
+      ticker.tick();
+    }
+    place_nodes(run.part(0.6, 1));
   }
 
   Index size() const { return count_; }
@@ -34,7 +44,8 @@ class NodeGraph {
   std::vector<std::size_t> begin;
   std::vector<std::size_t> triangles;
 
-  void list_triangles() {
+  void list_triangles(const Execution& run) {
+    Ticker ticker(run, 2 * lattice_.num_pieces(), kPiecesPerLook);
     corners.reserve(lattice_.num_pieces());
     begin.assign(slot(count_) + 1, 0);
     for (std::size_t i = 0; i < lattice_.num_pieces(); ++i) {
@@ -46,12 +57,14 @@ class NodeGraph {
         ++begin[slot(nodes[c]) + 1];
       }
       corners.push_back(nodes);
+      ticker.tick();
     }
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
     triangles.resize(3 * corners.size());
     std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
     for (std::size_t t = 0; t < corners.size(); ++t) {
       for (const Index v : corners[t]) triangles[next[slot(v)]++] = t;
+      ticker.tick();
     }
   }
 
@@ -92,11 +105,13 @@ class NodeGraph {
     return edge_node_[first] + (same ? steps : edge_k - steps) - 1;
   }
 
-  void place_nodes() {
+  void place_nodes(const Execution& run) {
+    Ticker ticker(run, slot(lattice_.num_facets()), kPiecesPerLook);
     positions_.resize(slot(count_));
     std::size_t n = 0;
     const MeshView mesh(lattice_.mesh);
     for (Index f = 0; f < lattice_.num_facets(); ++f) {
+      ticker.tick();
       const Index k = lattice_.k(f);
       const std::array<Vec3, 3> corner{mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2)};
       for (Index j = 0; j <= k; ++j) {
@@ -135,7 +150,7 @@ double reach_from_segment(const Vec3& a, const Vec3& b, const Vec3& c, double ua
 
 /// Lowers u to the largest values that no lattice triangle can lower further, smallest first as Dijkstra's algorithm does; a
 /// node that is lowered after its turn (obtuse triangles) has another one.
-void limit_gradation(const NodeGraph& graph, double g, std::vector<double>& u) {
+void limit_gradation(const NodeGraph& graph, double g, std::vector<double>& u, const Execution& run) {
   // Along edges, smaller steps are rounding. Across triangles they are no better than the scheme is, and among needles, which
   // lower each other in turn, there is no end of them.
   constexpr double kEdgeStep = 1e-13, kTriangleStep = 1e-4;
@@ -143,10 +158,12 @@ void limit_gradation(const NodeGraph& graph, double g, std::vector<double>& u) {
   std::vector<Entry> heap(u.size());
   for (std::size_t n = 0; n < u.size(); ++n) heap[n] = {u[n], static_cast<Index>(n)};
   std::make_heap(heap.begin(), heap.end(), std::greater<>());
+  Ticker ticker(run, u.size());  // nodes that are lowered have more turns than one
   while (!heap.empty()) {
     std::pop_heap(heap.begin(), heap.end(), std::greater<>());
     const auto [value, node] = heap.back();
     heap.pop_back();
+    ticker.tick();
     if (value != u[slot(node)]) continue;
     const Vec3 p = graph.position(node);
     for (std::size_t i = graph.begin[slot(node)]; i < graph.begin[slot(node) + 1]; ++i) {
@@ -176,11 +193,11 @@ void require_gradation(double gradation) {
 /// limited() for several multiples of one field.
 class GradationLimiter {
  public:
-  explicit GradationLimiter(const SizingField& field)
+  GradationLimiter(const SizingField& field, const Execution& run)
       : lattice_(SizingFieldAccess::lattice(field)),
-        graph_(*lattice_),
+        graph_(*lattice_, run.part(0, 0.6)),
         smallest_(slot(graph_.size()), std::numeric_limits<double>::infinity()) {
-    graph_.list_triangles();
+    graph_.list_triangles(run.part(0.6, 1));
     const std::vector<double>& nodes = SizingFieldAccess::nodes(field);
     for (std::size_t n = 0; n < nodes.size(); ++n) {
       double& smallest = smallest_[slot(graph_.node(n))];
@@ -188,10 +205,10 @@ class GradationLimiter {
     }
   }
 
-  SizingField limited(double factor, double gradation) const {
+  SizingField limited(double factor, double gradation, const Execution& run) const {
     std::vector<double> u = smallest_;
     for (double& r : u) r *= factor;
-    limit_gradation(graph_, gradation, u);
+    limit_gradation(graph_, gradation, u, run);
     std::vector<double> nodes(lattice_->num_nodes());
     for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n] = u[slot(graph_.node(n))];
     return SizingFieldAccess::make(lattice_, std::move(nodes));
@@ -206,25 +223,37 @@ class GradationLimiter {
 }  // namespace
 }  // namespace detail
 
-SizingField SizingField::limited(double gradation) const {
+SizingField SizingField::limited(double gradation, const Execution& execution) const {
   detail::require_gradation(gradation);
-  return std::isinf(gradation) ? *this : detail::GradationLimiter(*this).limited(1, gradation);
+  if (std::isinf(gradation)) return *this;
+  const Execution run = execution.start("limiting the gradation");
+  SizingField result = detail::GradationLimiter(*this, run.part(0, 0.3)).limited(1, gradation, run.part(0.3, 1));
+  run.finish();
+  return result;
 }
 
-SizingField for_count(const SizingField& field, double count, double gradation) {
+SizingField for_count(const SizingField& field, double count, double gradation, const Execution& execution) {
   detail::require_gradation(gradation);
   const double unlimited = count_factor(field, count);
   if (std::isinf(gradation)) return field.scaled(unlimited);
-  const detail::GradationLimiter limiter(field);
+  const Execution run = execution.start("limiting the gradation");
+  double done = 0.15;
+  const detail::GradationLimiter limiter(field, run.part(0, done));
   // The mean size of disks over the wanted one grows with s, in proportion where nothing is limited: false position with
   // halving (Illinois) takes a few steps. The limit makes disks smaller, so s is not below `unlimited`.
   constexpr double kClose = 2.5e-3;  // counts depart from the integral by more than twice that anyway
   constexpr int kMaxSteps = 40;
+  constexpr double kShareOfStep = 0.35;  // of what is left: mostly there are three or four
   double low = 0, low_off = -1, high = 0, high_off = 0, last_off = 0, s = unlimited;
   for (int step = 0;; ++step) {
-    SizingField result = limiter.limited(s, gradation);
+    const double next_done = done + kShareOfStep * (1 - done);
+    SizingField result = limiter.limited(s, gradation, run.part(done, next_done));
+    done = next_done;
     const double off = 1 / count_factor(result, count) - 1;
-    if (std::abs(off) < kClose || step == kMaxSteps) return result;
+    if (std::abs(off) < kClose || step == kMaxSteps) {
+      run.finish();
+      return result;
+    }
     (off < 0 ? low : high) = s;
     (off < 0 ? low_off : high_off) = off;
     if (last_off * off > 0) (off < 0 ? high_off : low_off) /= 2;  // the same end moved twice

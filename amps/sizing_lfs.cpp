@@ -29,7 +29,7 @@ using detail::slot;
 /// squares and fourth powers of coordinates are doubles.
 class PoleSamples {
  public:
-  explicit PoleSamples(const MeshView& mesh) : mesh_(mesh), areas_(facet_areas(mesh)), level_(areas_.size(), 0) {
+  PoleSamples(const MeshView& mesh, const Execution& run) : mesh_(mesh), areas_(facet_areas(mesh)), level_(areas_.size(), 0) {
     const Box box = bounding_box(mesh);
     int exponent = 0;
     std::frexp(std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff()), &exponent);
@@ -37,7 +37,7 @@ class PoleSamples {
     diagonal_ = (scale_ * box.max - scale_ * box.min).norm();
     for (Index f = 0; f < mesh.num_facets(); ++f) total_area_ += areas_[slot(f)] * scale_ * scale_;
     sample_of_vertex_.assign(slot(mesh.num_vertices()), kNone);
-    visit_lattices();
+    visit_lattices(run);
   }
 
   double scale() const { return scale_; }
@@ -59,10 +59,12 @@ class PoleSamples {
 
   /// Adds what is missing for lattice edges to be no longer than `fraction` of feature(x), but not shorter than `shortest`.
   template <class Feature>
-  void refine(double fraction, double shortest, const Feature& feature) {
+  void refine(double fraction, double shortest, const Feature& feature, const Execution& run) {
+    detail::Ticker ticker(run.part(0, 0.5), slot(mesh_.num_facets()));
     std::vector<double> at_vertex(slot(mesh_.num_vertices()), -1);
     bool finer = false;
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
+      ticker.tick();
       if (!may_refine(f, shortest)) continue;
       double smallest = feature(scale_ * (mesh_.corner(f, 0) + mesh_.corner(f, 1) + mesh_.corner(f, 2)) / 3);
       for (int k = 0; k < 3; ++k) {
@@ -72,7 +74,7 @@ class PoleSamples {
       }
       finer |= refine_facet(f, std::max(shortest, fraction * smallest));
     }
-    if (finer) visit_lattices();
+    if (finer) visit_lattices(run.part(0.5, 1));
   }
 
  private:
@@ -122,9 +124,11 @@ class PoleSamples {
   }
 
   /// Finds or adds the samples of all lattices, and sees what is around each. Lattices are nested, so samples stay.
-  void visit_lattices() {
+  void visit_lattices(const Execution& run) {
+    detail::Ticker ticker(run, slot(mesh_.num_facets()));
     std::fill(around_.begin(), around_.end(), Surrounding());
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
+      ticker.tick();
       if (!(areas_[slot(f)] > 0)) continue;
       const Vec3 normal = weighted_normal(f);
       const double edge = std::ldexp(longest_edge(f), -level_[slot(f)]);
@@ -201,22 +205,26 @@ struct Pole {
 /// The poles of all samples, in their order, and what filters ask of them.
 class PoleFinder {
  public:
-  PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation)
+  PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation, const Execution& run)
       : samples_(samples), triangulation_(triangulation) {
     balls_.resize(slot(triangulation.cell_capacity()));
+    detail::Ticker ticker(run, 3 * balls_.size(), kCellsPerLook);
     for (Index c = 0; c < triangulation.cell_capacity(); ++c) {
       const auto& cell = triangulation.cell(c);
       if (cell.alive() && !cell.ghost()) balls_[slot(c)] = pole_ball(triangulation, cell);
+      ticker.tick();
     }
-    find_first();
-    find_second();
+    find_first(ticker);
+    find_second(ticker);
   }
 
-  std::vector<Pole> poles() const {
+  std::vector<Pole> poles(const Execution& run) const {
+    detail::Ticker ticker(run, slot(triangulation_.num_vertices()), kCellsPerLook);
     std::vector<Vec3> normals;
     for (Index s = 0; s < triangulation_.num_vertices(); ++s) normals.push_back(samples_.normal(s));
     std::vector<Pole> result;
     for (Index s = 0; s < triangulation_.num_vertices(); ++s) {
+      ticker.tick();
       for (const Index c : {first_[slot(s)], second_[slot(s)]}) {
         if (c == kNone) continue;
         const double radius = std::sqrt(balls_[slot(c)].squared_radius), resolved = radius / samples_.spacing(s);
@@ -249,11 +257,12 @@ class PoleFinder {
 
   /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
   /// outward.
-  void find_first() {
+  void find_first(detail::Ticker& ticker) {
     first_.assign(slot(triangulation_.num_vertices()), kNone);
     direction_.assign(first_.size(), Vec3::Zero());
     std::vector<char> on_hull(first_.size(), 0);
     for (Index c = 0; c < triangulation_.cell_capacity(); ++c) {
+      ticker.tick();
       const auto& cell = triangulation_.cell(c);
       if (!cell.alive()) continue;
       if (cell.ghost()) {
@@ -284,11 +293,12 @@ class PoleFinder {
   }
 
   /// The farthest on the other side of the surface.
-  void find_second() {
+  void find_second(detail::Ticker& ticker) {
     second_.assign(first_.size(), kNone);
     for (Index c = 0; c < triangulation_.cell_capacity(); ++c) {
       const auto& cell = triangulation_.cell(c);
       const PoleBall& ball = balls_[slot(c)];
+      ticker.tick();
       if (!cell.alive() || cell.ghost() || ball.squared_radius < 0) continue;
       for (const Index v : cell.vertex) {
         Index& best = second_[slot(v)];
@@ -298,6 +308,7 @@ class PoleFinder {
     }
   }
 
+  static constexpr std::uint64_t kCellsPerLook = 1 << 13;  // a millisecond
   const PoleSamples& samples_;
   const RegularTriangulation& triangulation_;
   std::vector<PoleBall> balls_;  ///< by cell
@@ -308,12 +319,14 @@ class PoleFinder {
 /// Of the poles that count, one for each box of a grid of side `fineness` times the pole's radius, rounded down to a power of
 /// two: the poles of a sphere are all one point, and a search among many that are equally near looks at each.
 template <class Filter>
-Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filter& counts) {
+Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filter& counts, const Execution& run) {
+  detail::Ticker ticker(run, poles.size(), 1 << 13);
   std::size_t capacity = 16;
   while (capacity < 2 * poles.size()) capacity *= 2;
   std::vector<std::uint64_t> table(capacity, 0);
   std::vector<double> kept;
   for (const Pole& pole : poles) {
+    ticker.tick();
     if (!counts(pole)) continue;
     int exponent = 0;
     std::frexp(pole.radius * fineness, &exponent);
@@ -336,24 +349,32 @@ Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filt
 /// The medial axis of a mesh, as poles.
 class MedialAxis {
  public:
-  MedialAxis(const MeshView& mesh, const LfsOptions& options) : samples_(mesh) {
+  MedialAxis(const MeshView& mesh, const LfsOptions& options, const Execution& run) : samples_(mesh, run.part(0, 0.05)) {
     const double separation = 2 * detail::portable_sine(detail::to_radians(options.min_separation / 2));
     const double shortest = std::sqrt(samples_.total_area() / (kHexagonal * options.samples));
-    RegularTriangulation triangulation(samples_.positions_from(0));
-    std::vector<Pole> poles = PoleFinder(samples_, triangulation).poles();
+    double done = 0.55;
+    RegularTriangulation triangulation(samples_.positions_from(0), no_weights(samples_.size()));
+    std::vector<Pole> poles = poles_of(triangulation, run.part(0.4, done));
     for (int round = 0; round < kRounds && samples_.coarser_than(shortest); ++round) {
       // What must be resolved is where the surface comes near itself; near creases that never ends.
-      set_poles(poles, [](const Pole& pole) { return pole.opposite; });
+      const Execution part = run.part(done, done + kShareOfRound);
+      done += kShareOfRound;
+      set_poles(
+          poles, [](const Pole& pole) { return pole.opposite; }, part.part(0, 0.2));
       const Index before = samples_.size();
-      samples_.refine(kSpacing, shortest, [this](const Vec3& x) { return scaled_distance(x); });
+      samples_.refine(
+          kSpacing, shortest, [this](const Vec3& x) { return scaled_distance(x); }, part.part(0.2, 0.5));
       if (samples_.size() == before) break;
-      triangulation.insert(samples_.positions_from(before));
-      poles = PoleFinder(samples_, triangulation).poles();
+      triangulation.insert(samples_.positions_from(before), no_weights(samples_.size() - before));
+      poles = poles_of(triangulation, part.part(0.8, 1));
       if (samples_.size() - before < kSettled * before) break;
     }
-    set_poles(poles, [&](const Pole& pole) {
-      return pole.opposite || (pole.resolved >= options.min_pole_ratio && pole.apart >= separation);
-    });
+    set_poles(
+        poles,
+        [&](const Pole& pole) {
+          return pole.opposite || (pole.resolved >= options.min_pole_ratio && pole.apart >= separation);
+        },
+        run.part(0.9, 1));
   }
 
   double distance(const Vec3& x) const {
@@ -364,14 +385,21 @@ class MedialAxis {
  private:
   static constexpr double kHexagonal = 1.1547;  ///< samples per area / spacing² in a hexagonal lattice
   static constexpr int kRounds = 3;
-  static constexpr double kSettled = 0.02;      ///< part of samples: after so few new ones there is no further round
-  static constexpr double kSpacing = 0.33;      ///< lattice edges beside the feature size
-  static constexpr double kFineness = 0.005;    ///< of the grid that thins poles: an error of up to √3 times as much
-  static constexpr double kMinDistance = 1e-6;  ///< over the diagonal
+  static constexpr double kShareOfRound = 0.115;  ///< of the time
+  static constexpr double kSettled = 0.02;        ///< part of samples: after so few new ones there is no further round
+  static constexpr double kSpacing = 0.33;        ///< lattice edges beside the feature size
+  static constexpr double kFineness = 0.005;      ///< of the grid that thins poles: an error of up to √3 times as much
+  static constexpr double kMinDistance = 1e-6;    ///< over the diagonal
+
+  static std::vector<double> no_weights(Index n) { return std::vector<double>(slot(n), 0.0); }
+
+  std::vector<Pole> poles_of(const RegularTriangulation& triangulation, const Execution& run) const {
+    return PoleFinder(samples_, triangulation, run.part(0, 0.6)).poles(run.part(0.6, 1));
+  }
 
   template <class Filter>
-  void set_poles(const std::vector<Pole>& poles, const Filter& counts) {
-    tree_ = KdTree(thinned_poles(poles, kFineness, counts));
+  void set_poles(const std::vector<Pole>& poles, const Filter& counts, const Execution& run) {
+    tree_ = KdTree(thinned_poles(poles, kFineness, counts, run.part(0, 0.3)), run.part(0.3, 1));
   }
 
   double scaled_distance(const Vec3& x) const {
@@ -392,28 +420,38 @@ void require_lfs_options(const LfsOptions& options) {
 
 }  // namespace
 
-std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options) {
+std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options,
+                                       const Execution& execution) {
   require_usable(mesh);
   require_lfs_options(options);
   for (std::ptrdiff_t i = 0; i < points.rows(); ++i) {
     if (points[i].allFinite()) continue;
     throw Error(ErrorCode::kInvalidArgument, "lfs: point " + std::to_string(i) + " (0-based) is not finite; remove it");
   }
-  const MedialAxis axis(mesh, options);
+  const Execution run = execution.start("measuring the feature size");
+  const MedialAxis axis(mesh, options, run.part(0, 0.8));
   std::vector<double> result(static_cast<std::size_t>(points.rows()));
-  for (std::ptrdiff_t i = 0; i < points.rows(); ++i) result[static_cast<std::size_t>(i)] = axis.distance(points[i]);
+  constexpr std::size_t kGrain = 1024;
+  detail::WorkCounter counter(run.part(0.8, 1), result.size());
+  parallel_for(result.size(), kGrain, run, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) result[i] = axis.distance(points[static_cast<std::ptrdiff_t>(i)]);
+    counter.add(end - begin);
+  });
+  run.finish();
   return result;
 }
 
-SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options) {
+SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options, const Execution& execution) {
   require_usable(mesh);
   require_lfs_options(options);
-  const MedialAxis axis(mesh, options);
+  const Execution run = execution.start("measuring the feature size");
+  const MedialAxis axis(mesh, options, run.part(0, 0.7));
   TabulationOptions tabulation;
   tabulation.tolerance = options.tolerance;
   tabulation.finest = 1;  // lfs is 1-Lipschitz: a finer mesh resolves it
   const SizingField field = function_sizing(
-      mesh, [&](const SurfacePoint& at) { return axis.distance(at.position); }, tabulation);
+      mesh, [&](const SurfacePoint& at) { return axis.distance(at.position); }, tabulation, run.part(0.7, 1));
+  run.finish();
   return options.scale == 1 ? field : field.scaled(options.scale);
 }
 

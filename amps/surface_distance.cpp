@@ -92,18 +92,20 @@ double greatest_of(const DistanceCorners& p) { return std::max({p[0].distance, p
 class OneSidedMeasure {
  public:
   OneSidedMeasure(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double diagonal,
-                  const DistanceOptions& options)
+                  const DistanceOptions& options, Execution run)
       : from_(from),
         to_(to),
         tree_(tree),
         tolerance_(options.tolerance * diagonal),
         spacing_(options.spacing * diagonal),
-        options_(options) {}
+        options_(options),
+        run_(std::move(run)) {}
 
   OneSidedDistance run() {
-    measure_vertices();
-    integrate();
-    enclose();
+    measure_vertices(run_.part(0, 0.15));
+    integrate(run_.part(0.15, 0.85));
+    enclose(run_.part(0.85, 1));
+    run_.finish();
     const FarthestPoint& p = farthest_;
     result_.hausdorff_lower = p.point.distance;
     result_.farthest = {p.facet, p.point.barycentric, position(p.facet, p.point.barycentric)};
@@ -135,17 +137,19 @@ class OneSidedMeasure {
   }
 
   /// Distances of all vertices. Along a curve, so that each starts from the facet nearest to its neighbour.
-  void measure_vertices() {
+  void measure_vertices(const Execution& run) {
+    detail::WorkCounter counter(run, detail::slot(from_.num_vertices()));
     at_vertex_.resize(detail::slot(from_.num_vertices()));
     const std::vector<Index> order = detail::curve_order(from_.vertices);
     constexpr std::size_t kGrain = 1024;
-    parallel_for(order.size(), kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
+    parallel_for(order.size(), kGrain, run, [&](std::size_t begin, std::size_t end) {
       Index hint = kNone;
       for (std::size_t i = begin; i < end; ++i) {
         const SurfaceHit hit = tree_.nearest(from_.vertices[order[i]], hint);
         hint = hit.point.facet;
         at_vertex_[detail::slot(order[i])] = {Vec3::Zero(), hit.distance, hint};
       }
+      counter.add(end - begin);
     });
   }
 
@@ -157,17 +161,19 @@ class OneSidedMeasure {
     FarthestPoint farthest;
   };
 
-  void integrate() {
+  void integrate(const Execution& run) {
     const std::size_t facets = detail::slot(from_.num_facets());
+    detail::WorkCounter counter(run, facets);
     constexpr std::size_t kGrain = 64;
     std::vector<Sums> sums((facets + kGrain - 1) / kGrain);
     upper_.assign(facets, 0);
-    parallel_for(facets, kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
+    parallel_for(facets, kGrain, run, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const auto f = static_cast<Index>(i);
         const std::array<Vec3, 3> x = corners_of(from_, f);
         integrate(f, facet_corners(f), 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm(), sums[begin / kGrain]);
       }
+      counter.add(end - begin);
     });
     Sums all;
     for (const Sums& sum : sums) {
@@ -191,6 +197,7 @@ class OneSidedMeasure {
     std::array<Vec3, 3> x;
     for (std::size_t k = 0; k < 3; ++k) x[k] = p[k].barycentric[1] * ab + p[k].barycentric[2] * ac;
     const LongestSide side(x);
+    run_.check();  // a facet may hold all of the points
     if (side.length <= spacing_) {
       add_cell(facet, p, area, sums);
       return;
@@ -238,7 +245,8 @@ class OneSidedMeasure {
   /// Cuts pieces until no bound exceeds the goal. They queue, and are cut in batches with the goal as it was before: so the
   /// number of threads changes nothing. (First come, first served: the best first would save nothing, for the sampling of
   /// integrate() has the lower bound close to its end, and with it the pieces that must be cut.)
-  void enclose() {
+  void enclose(const Execution& run) {
+    detail::Ticker ticker(run.part(0, 0.5), detail::slot(from_.num_facets()));
     std::deque<DistancePiece> queue;
     double settled = 0;  // the highest bound of the pieces that need no cut
     const auto keep = [&](const DistancePiece& piece) {
@@ -255,13 +263,18 @@ class OneSidedMeasure {
       piece.upper = upper_[detail::slot(f)];
       bound(piece);
       keep(piece);
+      ticker.tick();
     }
-    constexpr std::size_t kBatch = 8192, kGrain = 64;  // few batches, as each starts its threads
+    const Execution cutting = run.part(0.5, 1);
+    constexpr std::size_t kBatch = 8192, kGrain = 64;  // few batches, as all threads wait at the end of each
     std::vector<CutPiece> cut;
     for (std::int64_t left = options_.max_cuts; left > 0 && !queue.empty();) {
       const std::size_t n = std::min({kBatch, queue.size(), static_cast<std::size_t>(left)});
       cut.resize(std::max(cut.size(), n));
-      parallel_for(n, kGrain, options_.threads, [&](std::size_t begin, std::size_t end) {
+      const auto spent = static_cast<double>(options_.max_cuts - left);
+      cutting.report(spent /
+                     (spent + static_cast<double>(std::min<std::int64_t>(left, static_cast<std::int64_t>(queue.size())))));
+      parallel_for(n, kGrain, run, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i) cut[i] = cut_piece(queue[i]);
       });
       queue.erase(queue.begin(), queue.begin() + static_cast<std::ptrdiff_t>(n));
@@ -410,6 +423,7 @@ class OneSidedMeasure {
   const SurfaceTree& tree_;  ///< of `to`
   double tolerance_, spacing_;
   const DistanceOptions& options_;
+  const Execution run_;
   std::vector<DistancePoint> at_vertex_;
   std::vector<double> upper_;  ///< of each facet: no point of it is farther
   FarthestPoint farthest_;
@@ -456,25 +470,41 @@ struct ScaledMeshes {
 
 }  // namespace
 
+namespace {
+
+OneSidedDistance measure_one_side(const Mesh& from, const Mesh& to, double diagonal, const DistanceOptions& options,
+                                  const Execution& run) {
+  const SurfaceTree tree(to, run.part(0, 0.1));
+  return OneSidedMeasure(from, to, tree, diagonal, options, run.part(0.1, 1)).run();
+}
+
+}  // namespace
+
 DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options) {
   require_distance_options(options);
+  const Execution run = options.execution.start("measuring distances");
   const ScaledMeshes meshes(first, second);
+  run.report(0.02);
   DistanceReport report;
   report.diagonal = bounding_box(meshes.first).diagonal();
-  report.forward = OneSidedMeasure(meshes.first, meshes.second, SurfaceTree(meshes.second), report.diagonal, options).run();
-  report.backward = OneSidedMeasure(meshes.second, meshes.first, SurfaceTree(meshes.first), report.diagonal, options).run();
+  report.forward = measure_one_side(meshes.first, meshes.second, report.diagonal, options, run.part(0.02, 0.51));
+  report.backward = measure_one_side(meshes.second, meshes.first, report.diagonal, options, run.part(0.51, 1));
   meshes.unscale(report.forward);
   meshes.unscale(report.backward);
   report.diagonal /= meshes.scale;
+  run.finish();
   return report;
 }
 
 OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options) {
   require_distance_options(options);
+  const Execution run = options.execution.start("measuring distances");
   const ScaledMeshes meshes(from, to);
+  run.report(0.04);
   const double diagonal = bounding_box(meshes.first).diagonal();
-  OneSidedDistance result = OneSidedMeasure(meshes.first, meshes.second, SurfaceTree(meshes.second), diagonal, options).run();
+  OneSidedDistance result = measure_one_side(meshes.first, meshes.second, diagonal, options, run.part(0.04, 1));
   meshes.unscale(result);
+  run.finish();
   return result;
 }
 

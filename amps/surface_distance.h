@@ -15,6 +15,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 
 #include <cstdint>
@@ -33,8 +34,8 @@ struct DistanceOptions {
   /// Cuts to spend in each direction on the tolerance; spent, the bounds stay valid but farther apart than asked for. A cut
   /// costs one or two searches; about 400 bytes each are kept at worst.
   std::int64_t max_cuts = 10'000'000;
-  /// On up to this many threads (0: one per core), with the same result for any number.
-  unsigned threads = 1;
+  /// Same result on any threads. Stopped: Error(kCancelled).
+  Execution execution;
 };
 
 /// Distances of the points of one surface to another, in units of the meshes.

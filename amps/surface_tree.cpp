@@ -1,8 +1,6 @@
 #define AMPS_OWN_SOURCE
 #include "amps/surface_tree.h"
 
-#include "amps/execution.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -215,12 +213,20 @@ struct BuildItem {
 
 class TreeBuilder {
  public:
-  TreeBuilder(std::vector<BuildItem>& items, std::vector<TreeNode>& nodes) : items_(items), nodes_(nodes) {
+  TreeBuilder(std::vector<BuildItem>& items, std::vector<TreeNode>& nodes, const Execution& run)
+      : items_(items), nodes_(nodes), ticker_(run, num_visits(items.size()), kVisitsPerLook) {
     nodes_.reserve(items.size() / 2 + 1);
     add_node({0, items.size()}, 0);
   }
 
  private:
+  /// Visits of items: three in each halving, one in each node.
+  static std::uint64_t num_visits(std::size_t n) {
+    std::uint64_t halvings = 0;
+    for (std::size_t k = n; k > static_cast<std::size_t>(kTreeArity); k /= 2) ++halvings;
+    return n * (3 * halvings + halvings / 2 + 1);
+  }
+
   struct Range {
     std::size_t begin, end;
     std::size_t size() const { return end - begin; }
@@ -250,6 +256,7 @@ class TreeBuilder {
       }
       TreeBox box;
       for (std::size_t i = parts[k].begin; i < parts[k].end; ++i) box.add(items_[i].box);
+      ticker_.tick(parts[k].size());
       const Index child = parts[k].size() == 1 ? ~static_cast<Index>(parts[k].begin) : add_node(parts[k], depth + 1);
       set_child(id, k, box, child);
     }
@@ -269,6 +276,7 @@ class TreeBuilder {
   std::size_t split(const Range& range, int depth) {
     TreeBox centroids;
     for (std::size_t i = range.begin; i < range.end; ++i) centroids.add(items_[i].centroid);
+    ticker_.tick(range.size());
     int axis = 0;
     const double extent = (centroids.max - centroids.min).maxCoeff(&axis);
     // Splitting by area may peel off a few facets at a time; past this depth halves keep the tree, and the stacks, shallow. Of
@@ -286,6 +294,7 @@ class TreeBuilder {
       boxes[bin].add(items_[i].box);
       ++sizes[bin];
     }
+    ticker_.tick(range.size());
     std::array<double, kBins> cost_after{};  // of the bins from k on
     TreeBox box;
     std::size_t size = 0;
@@ -296,15 +305,15 @@ class TreeBuilder {
     }
     box = TreeBox();
     size = 0;
-    double least = std::numeric_limits<double>::infinity();
+    double min_cost = std::numeric_limits<double>::infinity();
     std::size_t best = 0;
     for (std::size_t k = 1; k < kBins; ++k) {
       box.add(boxes[k - 1]);
       size += sizes[k - 1];
       if (size == 0 || size == range.size()) continue;
       const double cost = box.half_area() * static_cast<double>(size) + cost_after[k];
-      if (cost < least) {
-        least = cost;
+      if (cost < min_cost) {
+        min_cost = cost;
         best = k;
       }
     }
@@ -313,6 +322,7 @@ class TreeBuilder {
     const auto middle =
         std::partition(first + static_cast<std::ptrdiff_t>(range.begin), first + static_cast<std::ptrdiff_t>(range.end),
                        [&](const BuildItem& item) { return bin_of(item) < best; });
+    ticker_.tick(range.size());
     return static_cast<std::size_t>(middle - first);
   }
 
@@ -322,14 +332,17 @@ class TreeBuilder {
     std::nth_element(at(range.begin), at(middle), at(range.end), [axis](const BuildItem& a, const BuildItem& b) {
       return a.centroid[axis] != b.centroid[axis] ? a.centroid[axis] < b.centroid[axis] : a.facet < b.facet;
     });
+    ticker_.tick(range.size());
     return middle;
   }
 
   static constexpr std::size_t kBins = 16;
   static constexpr int kMaxUnbalancedDepth = 40;
   static constexpr double kTinyExtent = 1e-300;
+  static constexpr std::uint64_t kVisitsPerLook = 1 << 16;  // a millisecond
   std::vector<BuildItem>& items_;
   std::vector<TreeNode>& nodes_;
+  detail::Ticker ticker_;
 };
 
 // Each node of the way down leaves at most three others behind. At most 41 levels may be unbalanced; below, the largest of the
@@ -362,28 +375,35 @@ struct SurfaceTree::Impl {
   std::vector<TreeFacet> facets;  ///< in the order of the leaves
   std::vector<Index> place;       ///< of each facet, in `facets`
 
+  static constexpr std::uint64_t kFacetsPerLook = 1 << 13;  ///< less than a millisecond
+
   struct Best {
     FacetPoint point{std::numeric_limits<double>::infinity(), 0, 0};
     Index place = kNone;
     Index facet = std::numeric_limits<Index>::max();
   };
 
-  explicit Impl(const MeshView& view) : mesh(view.copy()), unit(tree_unit(bounding_box(view))) {
+  Impl(const MeshView& view, const Execution& run) : mesh(view.copy()), unit(tree_unit(bounding_box(view))) {
     const auto count = static_cast<std::size_t>(view.num_facets());
+    run.report(0.03);
     std::vector<BuildItem> items(count);
+    detail::Ticker listed(run.part(0.03, 0.1), count, kFacetsPerLook);
     for (std::size_t i = 0; i < count; ++i) {
+      listed.tick();
       const auto f = static_cast<Index>(i);
       for (int k = 0; k < 3; ++k) items[i].box.add(unit.in(view.corner(f, k)));
       items[i].centroid = items[i].box.min + items[i].box.max;
       items[i].facet = f;
     }
-    const TreeBuilder build(items, nodes);
+    const TreeBuilder build(items, nodes, run.part(0.1, 0.8));
+    detail::Ticker ticker(run.part(0.8, 1), count, kFacetsPerLook);
     facets.reserve(count);
     place.resize(count);
     for (std::size_t i = 0; i < count; ++i) {
       const Index f = items[i].facet;
       facets.push_back(tree_facet(unit.in(view.corner(f, 0)), unit.in(view.corner(f, 1)), unit.in(view.corner(f, 2)), f));
       place[detail::slot(f)] = static_cast<Index>(i);
+      ticker.tick();
     }
   }
 
@@ -453,9 +473,11 @@ struct SurfaceTree::Impl {
   }
 };
 
-SurfaceTree::SurfaceTree(const MeshView& mesh) {
+SurfaceTree::SurfaceTree(const MeshView& mesh, const Execution& execution) {
   require_tree_mesh(mesh);
-  impl_ = std::make_unique<Impl>(mesh);
+  const Execution run = execution.start("sorting triangles");
+  impl_ = std::make_unique<Impl>(mesh, run);
+  run.finish();
 }
 
 SurfaceTree::~SurfaceTree() = default;
@@ -495,16 +517,20 @@ SurfaceHit SurfaceTree::nearest_on_facet(const Vec3& query, Index facet) const {
   return impl_->hit(best);
 }
 
-std::vector<SurfaceHit> SurfaceTree::nearest_all(const PointsView& queries, unsigned threads) const {
+std::vector<SurfaceHit> SurfaceTree::nearest_all(const PointsView& queries, const Execution& execution) const {
+  const Execution run = execution.start("finding nearest points");
+  detail::WorkCounter counter(run, static_cast<std::uint64_t>(queries.rows()));
   std::vector<SurfaceHit> hits(static_cast<std::size_t>(queries.rows()));
   constexpr std::size_t kGrain = 1024;
-  parallel_for(hits.size(), kGrain, threads, [&](std::size_t begin, std::size_t end) {
+  parallel_for(hits.size(), kGrain, run, [&](std::size_t begin, std::size_t end) {
     Index hint = kNone;
     for (std::size_t i = begin; i < end; ++i) {
       hits[i] = nearest(queries[static_cast<std::ptrdiff_t>(i)], hint);
       hint = hits[i].point.facet;
     }
+    counter.add(end - begin);
   });
+  run.finish();
   return hits;
 }
 

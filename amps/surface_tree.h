@@ -12,6 +12,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 
 #include <limits>
@@ -35,8 +36,9 @@ struct SurfaceHit {
 class SurfaceTree {
  public:
   /// Copies what it needs, so the caller's buffers may go. Throws Error(kInvalidMesh) if the mesh has no facet, a corner
-  /// that is NaN or infinite, or an index out of range. O(#F log #F).
-  explicit SurfaceTree(const MeshView& mesh);
+  /// that is NaN or infinite, or an index out of range; kCancelled if stopped
+  /// through `execution`, whose threads are not used. O(#F log #F).
+  explicit SurfaceTree(const MeshView& mesh, const Execution& execution = {});
   ~SurfaceTree();
   SurfaceTree(SurfaceTree&&) noexcept;
   SurfaceTree& operator=(SurfaceTree&&) noexcept;
@@ -55,9 +57,9 @@ class SurfaceTree {
   /// The nearest point of one facet.
   SurfaceHit nearest_on_facet(const Vec3& query, Index facet) const;
 
-  /// nearest() of every row, on up to `threads` threads (0: one per core); fast where rows that follow each other are near each
-  /// other.
-  std::vector<SurfaceHit> nearest_all(const PointsView& queries, unsigned threads = 1) const;
+  /// nearest() of every row, on the threads of `execution`; fast where rows that follow each other are near each other. Throws
+  /// Error(kCancelled) if stopped.
+  std::vector<SurfaceHit> nearest_all(const PointsView& queries, const Execution& execution = {}) const;
 
  private:
   struct Impl;

@@ -7,445 +7,31 @@
 // interrupted.
 
 #include "amps/amps.h"
+#include "cli_arguments.h"
+#include "cli_files.h"
 #include "cli_output.h"
 #include "cli_report.h"
+#include "cli_sizing.h"
+#include "cli_watch.h"
 #include "render_png.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <csignal>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
-#include <filesystem>
-#include <fstream>
-#include <map>
 #include <limits>
 #include <new>
-#include <sstream>
-#include <stdexcept>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
-#ifdef _WIN32
-#include <io.h>
-#else
-#include <unistd.h>
-#endif
-
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr int kExitDone = 0;
 constexpr int kExitTrouble = 2;
 constexpr int kExitGaps = 3;
 constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as a shell reports it
-
-/// The user's doing: printed as one line.
-struct UsageError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
-struct Interrupted {};
-
-// --- Options --------------------------------------------------------------------------------------------------------
-
-struct Option {
-  const char* name;   ///< with its dashes
-  const char* value;  ///< what to call its value; nullptr: none
-  const char* help;
-};
-
-class Arguments;
-
-struct Command {
-  const char* name;
-  const char* operands;  ///< as in the synopsis; those in brackets may be left out
-  const char* summary;
-  const char* details;
-  std::vector<Option> options;
-  int (*run)(const Arguments&);
-};
-
-const std::vector<Option>& common_options() {
-  static const std::vector<Option> kCommon{
-      {"--quiet", nullptr, "print nothing but errors"},
-      {"--help", nullptr, "print this and exit"},
-  };
-  return kCommon;
-}
-
-/// What a command was called with. Getters throw UsageError naming the option and what it wants.
-class Arguments {
- public:
-  Arguments(const Command& command, const std::vector<std::string>& words);
-
-  bool has(const std::string& name) const { return values_.count(name) != 0; }
-  bool quiet() const { return has("--quiet"); }
-  const std::string& operand(std::size_t i) const { return operands_[i]; }
-  std::size_t operands() const { return operands_.size(); }
-  std::string text(const std::string& name, const std::string& missing = "") const {
-    const auto found = values_.find(name);
-    return found == values_.end() ? missing : found->second;
-  }
-
-  double real(const std::string& name, double missing, double low, double high) const {
-    if (!has(name)) return missing;
-    const double value = real(name);
-    if (!(value >= low && value <= high)) throw refused(name, "a number from " + number(low) + " to " + number(high));
-    return value;
-  }
-  /// A length; 0 if missing.
-  double positive(const std::string& name) const {
-    if (!has(name)) return 0;
-    const double value = real(name);
-    if (!(value > 0)) throw refused(name, "a number above 0");
-    return value;
-  }
-
-  std::uint64_t whole(const std::string& name, std::uint64_t missing, std::uint64_t low, std::uint64_t high) const {
-    if (!has(name)) return missing;
-    const std::string word = text(name);
-    std::uint64_t value = 0;
-    bool fits = !word.empty();
-    for (const char c : word) {
-      if (c < '0' || c > '9') throw refused(name, "a whole number");
-      const auto digit = static_cast<std::uint64_t>(c - '0');
-      fits = fits && value <= (UINT64_MAX - digit) / 10;
-      value = value * 10 + digit;
-    }
-    if (!fits || value < low || value > high) {
-      throw refused(name, "a whole number from " + std::to_string(low) + " to " + std::to_string(high));
-    }
-    return value;
-  }
-
-  UsageError error(const std::string& trouble) const {
-    return UsageError("amps " + std::string(command_->name) + ": " + trouble + " (see 'amps " + command_->name + " --help')");
-  }
-
- private:
-  double real(const std::string& name) const {
-    const std::string word = text(name);
-    char* end = nullptr;
-    const double value = std::strtod(word.c_str(), &end);
-    if (word.empty() || *end != '\0' || !std::isfinite(value)) throw refused(name, "a number");
-    return value;
-  }
-  UsageError refused(const std::string& name, const std::string& wanted) const {
-    return error(name + " wants " + wanted + ", not '" + text(name) + "'");
-  }
-
-  const Command* command_;
-  std::vector<std::string> operands_;
-  std::map<std::string, std::string> values_;
-};
-
-/// Insertions, deletions and changes of a letter that make one word of the other (Levenshtein).
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = std::exchange(row[0], i + 1);
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t change = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({change, row[j] + 1, diagonal + 1});
-    }
-  }
-  return row.back();
-}
-
-std::string did_you_mean(const std::string& word, const std::vector<std::string>& known) {
-  for (const std::string& candidate : known) {
-    if (edit_distance(word, candidate) <= 2) return ", did you mean " + candidate + "?";
-  }
-  return "";
-}
-
-Arguments::Arguments(const Command& command, const std::vector<std::string>& words) : command_(&command) {
-  std::vector<Option> options = command.options;
-  options.insert(options.end(), common_options().begin(), common_options().end());
-  bool only_operands = false;  // after "--"
-  for (std::size_t i = 0; i < words.size(); ++i) {
-    std::string word = words[i];
-    if (only_operands || word.size() < 2 || word[0] != '-') {
-      operands_.push_back(word);
-      continue;
-    }
-    if (word == "--") {
-      only_operands = true;
-      continue;
-    }
-    if (word == "-h") word = "--help";
-    if (word == "-q") word = "--quiet";
-    const std::size_t equals = word.find('=');
-    const std::string name = word.substr(0, equals);
-    const auto option = std::find_if(options.begin(), options.end(), [&](const Option& o) { return name == o.name; });
-    if (option == options.end()) {
-      std::vector<std::string> known;
-      for (const Option& o : options) known.emplace_back(o.name);
-      throw error("unknown option " + name + did_you_mean(name, known));
-    }
-    if (has(name)) throw error(name + " is given twice");
-    if (option->value == nullptr) {
-      if (equals != std::string::npos) throw error(name + " takes no value");
-      values_[name];
-    } else if (equals != std::string::npos) {
-      values_[name] = word.substr(equals + 1);
-    } else if (i + 1 < words.size()) {
-      values_[name] = words[++i];
-    } else {
-      throw error(std::string(name) + " needs a value: " + name + " " + option->value);
-    }
-  }
-  if (has("--help")) return;
-  const std::string synopsis = command.operands;
-  const auto most = static_cast<std::size_t>(std::count(synopsis.begin(), synopsis.end(), ' ')) + 1;
-  const std::size_t least = most - static_cast<std::size_t>(std::count(synopsis.begin(), synopsis.end(), '['));
-  if (operands_.size() < least) throw error("too few arguments, it wants " + synopsis);
-  if (operands_.size() > most) throw error("one argument too many: '" + operands_[most] + "'");
-}
-
-// --- Time, progress, interruption -----------------------------------------------------------------------------------
-
-class Stopwatch {
- public:
-  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
-volatile std::sig_atomic_t interrupted = 0;
-
-extern "C" void on_interrupt(int) {
-  interrupted = 1;
-  std::signal(SIGINT, SIG_DFL);  // a second one ends the program at once
-}
-
-bool stderr_is_terminal() {
-#ifdef _WIN32
-  return _isatty(_fileno(stderr)) != 0;
-#else
-  return isatty(fileno(stderr)) != 0;
-#endif
-}
-
-/// While it lives, SIGINT cancels `progress` and a terminal shows a bar.
-class Watch {
- public:
-  explicit Watch(bool quiet) : bar_(!quiet && stderr_is_terminal()) {
-    previous_ = std::signal(SIGINT, on_interrupt);
-    if (previous_ == SIG_IGN) std::signal(SIGINT, SIG_IGN);  // as in the background of a script
-    progress = amps::Progress([this](const char* stage, double fraction) {
-      if (bar_) draw(stage, fraction);
-      return interrupted == 0;
-    });
-  }
-  ~Watch() {
-    if (drawn_) std::fprintf(stderr, "\r%*s\r", kWidth + 40, "");
-    std::signal(SIGINT, previous_);
-  }
-  Watch(const Watch&) = delete;
-  Watch& operator=(const Watch&) = delete;
-
-  /// Throws if the user, and not the work, ended it.
-  void check(amps::Outcome status) const {
-    if (interrupted != 0 || status == amps::Outcome::kCancelled) throw Interrupted();
-  }
-
-  amps::Progress progress;
-
- private:
-  static constexpr int kWidth = 40;
-  static constexpr double kSecondsBetween = 0.05;
-
-  void draw(const char* stage, double fraction) {
-    if (drawn_ && last_.seconds() < kSecondsBetween) return;
-    last_ = Stopwatch();
-    drawn_ = true;
-    const int filled = static_cast<int>(std::clamp(fraction, 0.0, 1.0) * kWidth);
-    const std::string bar =
-        std::string(static_cast<std::size_t>(filled), '#') + std::string(static_cast<std::size_t>(kWidth - filled), '.');
-    std::fprintf(stderr, "\r%-24.24s [%s] %3d %%", stage, bar.c_str(), static_cast<int>(100 * std::clamp(fraction, 0.0, 1.0)));
-  }
-
-  bool bar_;
-  bool drawn_ = false;
-  void (*previous_)(int) = SIG_DFL;
-  Stopwatch last_;
-};
-
-// --- Files ----------------------------------------------------------------------------------------------------------
-
-/// Finds out before the work, not after it, that a result could not be written.
-void require_writable(const Arguments& arguments, const fs::path& path) {
-  std::error_code ignored;
-  if (path.empty()) throw arguments.error("the name of an output file is empty");
-  if (fs::is_directory(path, ignored)) throw arguments.error(path.string() + " is a directory, name a file in it");
-  const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");
-  if (!fs::is_directory(directory, ignored)) {
-    throw arguments.error("cannot write " + path.string() + ": there is no directory " + directory.string() +
-                          ", make it first");
-  }
-}
-
-/// Writes all or nothing, as the library's writers do.
-void write_file(const fs::path& path, const std::string& bytes) {
-  std::error_code ignored;
-  const bool in_place = fs::exists(path, ignored) && !fs::is_regular_file(path, ignored);  // a device or pipe
-  fs::path temporary = path;
-  if (!in_place) temporary += ".part";
-  std::ofstream out(temporary, std::ios::binary);
-  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  out.close();
-  std::error_code trouble;
-  if (out && !in_place) fs::rename(temporary, path, trouble);
-  if (!out || trouble) {
-    if (!in_place) fs::remove(temporary, ignored);
-    throw amps::Error(amps::ErrorCode::kFileNotFound,
-                      "cannot write " + path.string() + "; check that its directory can be written to and has space");
-  }
-}
-
-/// Reads a mesh that can be sampled; errors name the file.
-amps::Mesh load(const fs::path& path) {
-  amps::Mesh mesh = amps::read_mesh(path);
-  try {
-    amps::require_usable(mesh);
-  } catch (const amps::Error& error) {
-    throw amps::Error(error.code(), path.string() + ": " + error.what());
-  }
-  return mesh;
-}
-
-/// The extension decides the format: an unknown one is refused here.
-void require_mesh_output(const Arguments& arguments, const std::string& path) {
-  require_writable(arguments, path);
-  amps::mesh_format(path);
-}
-
-void require_sample_output(const Arguments& arguments, const std::string& path) {
-  require_writable(arguments, path);
-  amps::sample_format(path);
-}
-
-// --- What several commands print ------------------------------------------------------------------------------------
-
-/// The head of every statistics file.
-Json begin_json(const char* command) {
-  Json json;
-  json.open()
-      .add("program", std::string("amps"))
-      .add("version", format("%d.%d.%d", AMPS_VERSION_MAJOR, AMPS_VERSION_MINOR, AMPS_VERSION_PATCH));
-  json.add("command", std::string(command));
-  return json;
-}
-
-void write_json(const Arguments& arguments, Json& json) {
-  if (arguments.has("--json")) write_file(arguments.text("--json"), json.close().text());
-}
-
-// --- Commands -------------------------------------------------------------------------------------------------------
-
-constexpr std::uint64_t kMostVertices = 1u << 30;
-constexpr std::uint64_t kMostThreads = 1024;
-
-unsigned threads_of(const Arguments& arguments) {
-  return static_cast<unsigned>(arguments.whole("--threads", 0, 0, kMostThreads));
-}
-
-/// What --sizing and its companions ask for, before there is a mesh.
-struct SizingRequest {
-  std::string kind;  ///< uniform, lfs, curvature, or a file
-  double least = 0, greatest = 0, error = 0, gradation = 0;
-  amps::Index count = 0;
-};
-
-/// FILE, or FILE.ply:PROPERTY: the file and the property.
-std::pair<std::string, std::string> sizing_file(const std::string& name) {
-  const std::size_t colon = name.find(".ply:");
-  if (colon == std::string::npos) return {name, ""};
-  return {name.substr(0, colon + 4), name.substr(colon + 5)};
-}
-
-SizingRequest sizing_request(const Arguments& arguments) {
-  SizingRequest request;
-  request.error = arguments.positive("--error");
-  request.kind = arguments.text("--sizing", request.error > 0 ? "curvature" : "uniform");
-  request.least = arguments.positive("--rmin");
-  request.greatest = arguments.positive("--rmax");
-  request.count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
-  request.gradation = arguments.has("--gradation") ? arguments.positive("--gradation") : amps::kDefaultGradation;
-  const bool bounded = request.least > 0 || request.greatest > 0;
-  if (request.kind == "uniform") {
-    for (const char* name : {"--rmin", "--rmax", "--error", "--gradation"}) {
-      if (arguments.has(name)) throw arguments.error(std::string(name) + " is for radii that vary: say --sizing as well");
-    }
-    if (arguments.has("--radius") == arguments.has("--vertices")) {
-      throw arguments.error("say how dense: either --radius R or --vertices N");
-    }
-    return request;
-  }
-  const std::vector<std::string> known{"uniform", "lfs", "curvature"};
-  std::error_code ignored;
-  if (request.kind != "lfs" && request.kind != "curvature" && !fs::exists(sizing_file(request.kind).first, ignored)) {
-    throw arguments.error("--sizing " + request.kind + " is neither uniform, lfs, curvature nor a file that exists" +
-                          did_you_mean(request.kind, known));
-  }
-  if (arguments.has("--radius")) {
-    throw arguments.error("--radius is for uniform sets, --sizing " + request.kind + " has its own radii");
-  }
-  if (request.error > 0 && request.kind != "curvature") throw arguments.error("--error goes with --sizing curvature");
-  if (request.count > 0 && (bounded || request.error > 0)) {
-    throw arguments.error("--vertices scales all radii: leave out --rmin, --rmax and --error");
-  }
-  if (request.greatest > 0 && request.least > request.greatest) throw arguments.error("--rmin is greater than --rmax");
-  if (request.count == 0 && request.kind == "lfs" && !bounded) {
-    throw arguments.error("say how dense: --vertices N, or --rmin R (and --rmax) to bound the local feature size");
-  }
-  if (request.count == 0 && request.kind == "curvature" && request.error == 0) {
-    throw arguments.error("say how dense: --vertices N, or --error E, how far the result may be off");
-  }
-  return request;
-}
-
-amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name) {
-  const auto [file, property] = sizing_file(name);
-  const std::vector<double> radii = property.empty() ? amps::read_values(file) : amps::read_vertex_property(file, property);
-  try {
-    return amps::vertex_sizing(mesh, radii);
-  } catch (const amps::Error& error) {
-    throw amps::Error(error.code(), name + ": " + error.what());
-  }
-}
-
-amps::SizingField make_sizing(const SizingRequest& request, const amps::Mesh& mesh) {
-  constexpr double kErrorScale = 1e-3;  // of the diagonal; any: the field is scaled
-  amps::SizingField field;
-  if (request.kind == "uniform") return field;
-  if (request.kind == "lfs") {
-    field = amps::lfs_sizing(mesh);
-  } else if (request.kind == "curvature") {
-    amps::CurvatureOptions options;
-    options.max_error = request.error > 0 ? request.error : kErrorScale * amps::bounding_box(mesh).diagonal();
-    field = amps::curvature_sizing(mesh, options);
-  } else {
-    field = file_sizing(mesh, request.kind);
-  }
-  if (request.count > 0) return amps::for_count(field.with_ratio(), request.count, request.gradation);
-  if (request.least > 0 || request.greatest > 0) {
-    const double least = request.least > 0 ? request.least : request.greatest / amps::kDefaultRatio;
-    field = field.clamped(least, request.greatest > 0 ? request.greatest : amps::kDefaultRatio * least);
-  }
-  return field.limited(request.gradation);
-}
 
 amps::SamplingOptions sampling_options(const Arguments& arguments) {
   amps::SamplingOptions options;
@@ -647,7 +233,7 @@ int run_info(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
   const bool compare = arguments.has("--reference");
   amps::DistanceOptions options;
-  options.threads = threads_of(arguments);
+  options.execution.threads = threads_of(arguments);
   const amps::Mesh mesh = compare ? load(arguments.operand(0)) : amps::read_mesh(arguments.operand(0));
   const amps::MeshReport report = amps::check(mesh);
   const amps::TopologyReport& shape = report.topology;
@@ -847,8 +433,6 @@ const std::vector<Command>& commands() {
   };
   return kCommands;
 }
-
-// --- Help and main --------------------------------------------------------------------------------------------------
 
 void print_help() {
   std::printf("amps %d.%d.%d: maximal Poisson-disk sampling on surfaces, and remeshing with it\n\n", AMPS_VERSION_MAJOR,

@@ -4,6 +4,7 @@
 #include "basics.h"
 
 #include "amps/execution.h"
+#include "amps/surface_distance.h"
 
 #include <type_traits>
 #include <utility>
@@ -28,6 +29,7 @@ void run_on(Options& options, unsigned threads) {
     options.threads = threads;
   }
 }
+inline void run_on(amps::DistanceOptions& options, unsigned threads) { options.execution.threads = threads; }
 
 /// `callback` is told where the call is; it cancels by returning false. It is told everything, however often.
 template <class Options>

@@ -1,0 +1,79 @@
+// cli_files.h: files of the program `amps`, looked at before the work and written whole or not at all.
+#pragma once
+
+#include "amps/amps.h"
+#include "cli_arguments.h"
+#include "cli_output.h"
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <system_error>
+
+namespace fs = std::filesystem;
+
+/// Finds out before the work, not after it, that a result could not be written.
+inline void require_writable(const Arguments& arguments, const fs::path& path) {
+  std::error_code ignored;
+  if (path.empty()) throw arguments.error("the name of an output file is empty");
+  if (fs::is_directory(path, ignored)) throw arguments.error(path.string() + " is a directory, name a file in it");
+  const fs::path directory = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  if (!fs::is_directory(directory, ignored)) {
+    throw arguments.error("cannot write " + path.string() + ": there is no directory " + directory.string() +
+                          ", make it first");
+  }
+}
+
+/// Writes all or nothing, as the library's writers do.
+inline void write_file(const fs::path& path, const std::string& bytes) {
+  std::error_code ignored;
+  const bool in_place = fs::exists(path, ignored) && !fs::is_regular_file(path, ignored);  // a device or pipe
+  fs::path temporary = path;
+  if (!in_place) temporary += ".part";
+  std::ofstream out(temporary, std::ios::binary);
+  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  out.close();
+  std::error_code trouble;
+  if (out && !in_place) fs::rename(temporary, path, trouble);
+  if (!out || trouble) {
+    if (!in_place) fs::remove(temporary, ignored);
+    throw amps::Error(amps::ErrorCode::kFileNotFound,
+                      "cannot write " + path.string() + "; check that its directory can be written to and has space");
+  }
+}
+
+/// Reads a mesh that can be sampled; errors name the file.
+inline amps::Mesh load(const fs::path& path) {
+  amps::Mesh mesh = amps::read_mesh(path);
+  try {
+    amps::require_usable(mesh);
+  } catch (const amps::Error& error) {
+    throw amps::Error(error.code(), path.string() + ": " + error.what());
+  }
+  return mesh;
+}
+
+/// The extension decides the format: an unknown one is refused here.
+inline void require_mesh_output(const Arguments& arguments, const std::string& path) {
+  require_writable(arguments, path);
+  amps::mesh_format(path);
+}
+
+inline void require_sample_output(const Arguments& arguments, const std::string& path) {
+  require_writable(arguments, path);
+  amps::sample_format(path);
+}
+
+/// The head of every statistics file.
+inline Json begin_json(const char* command) {
+  Json json;
+  json.open()
+      .add("program", std::string("amps"))
+      .add("version", format("%d.%d.%d", AMPS_VERSION_MAJOR, AMPS_VERSION_MINOR, AMPS_VERSION_PATCH));
+  json.add("command", std::string(command));
+  return json;
+}
+
+inline void write_json(const Arguments& arguments, Json& json) {
+  if (arguments.has("--json")) write_file(arguments.text("--json"), json.close().text());
+}

@@ -1,0 +1,104 @@
+// cli_sizing.h: --sizing and its companions: what they ask for, and the field that comes of it.
+#pragma once
+
+#include "amps/amps.h"
+#include "cli_arguments.h"
+#include "cli_files.h"
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+inline constexpr std::uint64_t kMostVertices = 1u << 30;
+inline constexpr std::uint64_t kMostThreads = 1024;
+
+inline unsigned threads_of(const Arguments& arguments) {
+  return static_cast<unsigned>(arguments.whole("--threads", 0, 0, kMostThreads));
+}
+
+/// What --sizing and its companions ask for, before there is a mesh.
+struct SizingRequest {
+  std::string kind;  ///< uniform, lfs, curvature, or a file
+  double least = 0, greatest = 0, error = 0, gradation = 0;
+  amps::Index count = 0;
+};
+
+/// FILE, or FILE.ply:PROPERTY: the file and the property.
+inline std::pair<std::string, std::string> sizing_file(const std::string& name) {
+  const std::size_t colon = name.find(".ply:");
+  if (colon == std::string::npos) return {name, ""};
+  return {name.substr(0, colon + 4), name.substr(colon + 5)};
+}
+
+inline SizingRequest sizing_request(const Arguments& arguments) {
+  SizingRequest request;
+  request.error = arguments.positive("--error");
+  request.kind = arguments.text("--sizing", request.error > 0 ? "curvature" : "uniform");
+  request.least = arguments.positive("--rmin");
+  request.greatest = arguments.positive("--rmax");
+  request.count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
+  request.gradation = arguments.has("--gradation") ? arguments.positive("--gradation") : amps::kDefaultGradation;
+  const bool bounded = request.least > 0 || request.greatest > 0;
+  if (request.kind == "uniform") {
+    for (const char* name : {"--rmin", "--rmax", "--error", "--gradation"}) {
+      if (arguments.has(name)) throw arguments.error(std::string(name) + " is for radii that vary: say --sizing as well");
+    }
+    if (arguments.has("--radius") == arguments.has("--vertices")) {
+      throw arguments.error("say how dense: either --radius R or --vertices N");
+    }
+    return request;
+  }
+  const std::vector<std::string> known{"uniform", "lfs", "curvature"};
+  std::error_code ignored;
+  if (request.kind != "lfs" && request.kind != "curvature" && !fs::exists(sizing_file(request.kind).first, ignored)) {
+    throw arguments.error("--sizing " + request.kind + " is neither uniform, lfs, curvature nor a file that exists" +
+                          did_you_mean(request.kind, known));
+  }
+  if (arguments.has("--radius")) {
+    throw arguments.error("--radius is for uniform sets, --sizing " + request.kind + " has its own radii");
+  }
+  if (request.error > 0 && request.kind != "curvature") throw arguments.error("--error goes with --sizing curvature");
+  if (request.count > 0 && (bounded || request.error > 0)) {
+    throw arguments.error("--vertices scales all radii: leave out --rmin, --rmax and --error");
+  }
+  if (request.greatest > 0 && request.least > request.greatest) throw arguments.error("--rmin is greater than --rmax");
+  if (request.count == 0 && request.kind == "lfs" && !bounded) {
+    throw arguments.error("say how dense: --vertices N, or --rmin R (and --rmax) to bound the local feature size");
+  }
+  if (request.count == 0 && request.kind == "curvature" && request.error == 0) {
+    throw arguments.error("say how dense: --vertices N, or --error E, how far the result may be off");
+  }
+  return request;
+}
+
+inline amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name) {
+  const auto [file, property] = sizing_file(name);
+  const std::vector<double> radii = property.empty() ? amps::read_values(file) : amps::read_vertex_property(file, property);
+  try {
+    return amps::vertex_sizing(mesh, radii);
+  } catch (const amps::Error& error) {
+    throw amps::Error(error.code(), name + ": " + error.what());
+  }
+}
+
+inline amps::SizingField make_sizing(const SizingRequest& request, const amps::Mesh& mesh) {
+  constexpr double kErrorScale = 1e-3;  // of the diagonal; any: the field is scaled
+  amps::SizingField field;
+  if (request.kind == "uniform") return field;
+  if (request.kind == "lfs") {
+    field = amps::lfs_sizing(mesh);
+  } else if (request.kind == "curvature") {
+    amps::CurvatureOptions options;
+    options.max_error = request.error > 0 ? request.error : kErrorScale * amps::bounding_box(mesh).diagonal();
+    field = amps::curvature_sizing(mesh, options);
+  } else {
+    field = file_sizing(mesh, request.kind);
+  }
+  if (request.count > 0) return amps::for_count(field.with_ratio(), request.count, request.gradation);
+  if (request.least > 0 || request.greatest > 0) {
+    const double least = request.least > 0 ? request.least : request.greatest / amps::kDefaultRatio;
+    field = field.clamped(least, request.greatest > 0 ? request.greatest : amps::kDefaultRatio * least);
+  }
+  return field.limited(request.gradation);
+}

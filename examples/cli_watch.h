@@ -1,0 +1,88 @@
+// cli_watch.h: time, the progress bar, and Ctrl-C.
+#pragma once
+
+#include "amps/base.h"
+#include "amps/execution.h"
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <string>
+
+#ifdef _WIN32
+#include <io.h>
+#else
+#include <unistd.h>
+#endif
+
+/// Thrown where the user, and not the work, has ended it.
+struct Interrupted {};
+
+class Stopwatch {
+ public:
+  double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+inline volatile std::sig_atomic_t interrupted = 0;
+
+extern "C" inline void on_interrupt(int) {
+  interrupted = 1;
+  std::signal(SIGINT, SIG_DFL);  // a second one ends the program at once
+}
+
+inline bool stderr_is_terminal() {
+#ifdef _WIN32
+  return _isatty(_fileno(stderr)) != 0;
+#else
+  return isatty(fileno(stderr)) != 0;
+#endif
+}
+
+/// While it lives, SIGINT cancels `progress` and a terminal shows a bar.
+class Watch {
+ public:
+  explicit Watch(bool quiet) : bar_(!quiet && stderr_is_terminal()) {
+    previous_ = std::signal(SIGINT, on_interrupt);
+    if (previous_ == SIG_IGN) std::signal(SIGINT, SIG_IGN);  // as in the background of a script
+    progress = amps::Progress([this](const char* stage, double fraction) {
+      if (bar_) draw(stage, fraction);
+      return interrupted == 0;
+    });
+  }
+  ~Watch() {
+    if (drawn_) std::fprintf(stderr, "\r%*s\r", kWidth + 40, "");
+    std::signal(SIGINT, previous_);
+  }
+  Watch(const Watch&) = delete;
+  Watch& operator=(const Watch&) = delete;
+
+  /// Throws if the user, and not the work, ended it.
+  void check(amps::Outcome status) const {
+    if (interrupted != 0 || status == amps::Outcome::kCancelled) throw Interrupted();
+  }
+
+  amps::Progress progress;
+
+ private:
+  static constexpr int kWidth = 40;
+  static constexpr double kSecondsBetween = 0.05;
+
+  void draw(const char* stage, double fraction) {
+    if (drawn_ && last_.seconds() < kSecondsBetween) return;
+    last_ = Stopwatch();
+    drawn_ = true;
+    const int filled = static_cast<int>(std::clamp(fraction, 0.0, 1.0) * kWidth);
+    const std::string bar =
+        std::string(static_cast<std::size_t>(filled), '#') + std::string(static_cast<std::size_t>(kWidth - filled), '.');
+    std::fprintf(stderr, "\r%-24.24s [%s] %3d %%", stage, bar.c_str(), static_cast<int>(100 * std::clamp(fraction, 0.0, 1.0)));
+  }
+
+  bool bar_;
+  bool drawn_ = false;
+  void (*previous_)(int) = SIG_DFL;
+  Stopwatch last_;
+};
