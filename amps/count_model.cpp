@@ -68,7 +68,8 @@ double boundary_integral(const MeshView& mesh, const SizingField& field, const E
 
 CountModel::CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution)
     : target_(target), inner_(kSamplesPerDensity * (field.empty() ? total_area(mesh) : field.density_integral())) {
-  border_ = std::min(kSamplesPerBoundary * boundary_integral(mesh, field, execution.part(0, 0.5)), kMaxPartAtBoundary * std::sqrt(target_ * inner_));
+  border_ = std::min(kSamplesPerBoundary * boundary_integral(mesh, field, execution.part(0, 0.5)),
+                     kMaxPartAtBoundary * std::sqrt(target_ * inner_));
   if (!field.empty()) border_ -= kLostToGradient * kSamplesPerDensity * gradient_integral(mesh, field, execution.part(0.5, 1));
 }
 
