@@ -75,8 +75,8 @@ void Progress::begin() const noexcept {
 }
 
 /// Raises the fraction to `fraction` and calls back where that is due. Returns false if the job should stop. Without a stage
-/// (null) that of before stays.
-bool Progress::publish(const char* stage, double fraction) const {
+/// (null) that of before stays; `silent`: without the call.
+bool Progress::publish(const char* stage, double fraction, bool silent) const {
   State& state = *state_;
   if (cancelled()) return false;
   double before = state.fraction.load(std::memory_order_relaxed);
@@ -85,8 +85,7 @@ bool Progress::publish(const char* stage, double fraction) const {
   const bool complete = before < 1 && fraction >= 1;
   const bool new_stage = stage != nullptr && state.stage.load(std::memory_order_relaxed) != stage &&
                          state.stage.exchange(stage, std::memory_order_relaxed) != stage;
-  const bool nameless = *state.stage.load(std::memory_order_relaxed) == '\0';  // the first stage is about to begin
-  if (!state.callback || (nameless && !complete)) return true;
+  if (!state.callback || silent) return true;
   if (state.caller.load(std::memory_order_relaxed) == std::this_thread::get_id()) return true;  // a report from the callback
 
   std::unique_lock<std::mutex> lock(state.calling, std::defer_lock);
@@ -240,7 +239,8 @@ Execution Execution::part(double from, double to, const char* stage) const {
   part.from_ = overall(from);
   part.to_ = overall(to);
   if (!part.stage_) part.stage_ = stage;
-  part.report(0);
+  // Without a name the first stage is yet to begin, and there is nothing to show.
+  if (!progress.publish(part.stage_, part.from_, part.stage_ == nullptr)) detail::throw_cancelled(progress.stage());
   return part;
 }
 

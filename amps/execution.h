@@ -57,7 +57,7 @@ class Progress {
   struct State;
 
   void begin() const noexcept;
-  bool publish(const char* stage, double fraction) const;
+  bool publish(const char* stage, double fraction, bool silent = false) const;
 
   std::shared_ptr<State> state_;
 };

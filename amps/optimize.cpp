@@ -388,9 +388,8 @@ class Optimizer {
     return end(status);
   }
 
-  SampleSet samples(std::vector<Index>& ids, const Execution& execution) const {
-    return state_.samples.collect(ids, execution);
-  }
+  /// In: the samples given to the constructor.
+  void write_samples(SampleSet& samples, std::vector<Index>& ids) const { state_.samples.collect(samples, ids); }
 
  private:
   /// Shares of the time at the paper's bounds: stars are read and angles measured before and after all.
@@ -486,7 +485,8 @@ class Optimizer {
     OptimizeIteration line;
     AngleRange range;
     // Reports of 0 tell nothing new; they look for a cancel.
-    if (measure_all || state_.report.iterations.empty()) range = angles_of_all(state_, execution.part(0, measure_all ? 1 : 0));
+    if (measure_all || (state_.report.iterations.empty() && !execution_.cancelled()))
+      range = angles_of_all(state_, execution.part(0, measure_all ? 1 : 0));
     for (Index s = 0; s < samples.size(); ++s) {
       if (slot(s) % kSamplesPerLook == 0) execution.report(0);
       if (!samples.alive(s)) continue;
@@ -664,23 +664,16 @@ bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution)
   return false;
 }
 
-OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
+OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids) {
   require_optimize_options(options);
   const Execution execution = options.execution.start("improving triangles");
   const auto [min_angle, max_angle] = bounds_of(options, radii_of(options, samples).uniform());
   Optimizer optimizer(diagram, samples, options, min_angle, max_angle, execution);
-  OptimizeResult result;
-  result.report = optimizer.run();
-  const bool complete = result.report.status != Outcome::kCancelled &&
-                        completes([&] { result.samples = optimizer.samples(ids, execution.part(0.99, 1)); });
-  if (complete) {
-    execution.finish();
-  } else {
-    result.samples = optimizer.samples(ids, execution.without_progress());
-    result.report.status = Outcome::kCancelled;
-  }
-  return result;
+  OptimizeReport report = optimizer.run();
+  optimizer.write_samples(samples, ids);
+  if (report.status != Outcome::kCancelled) execution.finish();
+  return report;
 }
 
 namespace {
@@ -692,7 +685,8 @@ void optimize_or_fill(const MeshView& mesh, const SampleSet& samples, OptimizeOp
   RestrictedPowerDiagram diagram = diagram_of(mesh, samples, execution.part(0, 0.25));
   if (!has_gaps(diagram, execution.part(0.25, 0.27))) {
     options.execution = execution.part(0.27, 1);
-    result = optimize_diagram(diagram, samples, options, ids);
+    result.samples = samples;
+    result.report = optimize_diagram(diagram, result.samples, options, ids);
     return;
   }
   SamplingOptions filling;
@@ -700,14 +694,15 @@ void optimize_or_fill(const MeshView& mesh, const SampleSet& samples, OptimizeOp
   filling.conflict_rule = options.conflict_rule;
   filling.seed = options.seed;
   filling.execution = execution.part(0.27, 0.5);
-  const SamplingResult filled = fill_gaps(mesh, samples, filling);
-  result.samples = filled.samples;
-  result.report.added = filled.samples.size() - samples.size();
+  SamplingResult filled = fill_gaps(mesh, samples, filling);
+  result.samples = std::move(filled.samples);
+  const Index num_filled = result.samples.size();
+  result.report.added = num_filled - samples.size();
   if (filled.status == Outcome::kCancelled) return;
-  diagram = diagram_of(mesh, filled.samples, execution.part(0.5, 0.6));
+  diagram = diagram_of(mesh, result.samples, execution.part(0.5, 0.6));
   options.execution = execution.part(0.6, 1);
-  result = optimize_diagram(diagram, filled.samples, options, ids);
-  const auto first_new = ids.begin() + (filled.samples.size() - result.report.removed);
+  result.report = optimize_diagram(diagram, result.samples, options, ids);
+  const auto first_new = ids.begin() + (num_filled - result.report.removed);
   const auto kept = static_cast<Index>(std::count_if(ids.begin(), first_new, [&](Index s) { return s < samples.size(); }));
   result.report.removed = samples.size() - kept;
   result.report.added = result.samples.size() - kept;

@@ -53,7 +53,7 @@ struct OptimizeIteration {
   Index bad_triangles = 0;  ///< 0 if angles are not asked for
   Index bad_vertices = 0;   ///< 0 if valences are not asked for
   double min_angle =
-      0;  ///< degrees, over bad triangles, and over all in the first line and (unless cancelled) the last; 0 if none
+      0;  ///< degrees, over bad triangles, over all in the first line and the last; 0 if none, or cancelled before
   double max_angle = 0;
   Index samples = 0;
   /// What is lowered: degrees out of bounds to first order (half of those above), 0.25 for each angle below and 0.5 for each
@@ -103,9 +103,9 @@ double optimization_cost(const OptimizeOptions& options, double samples, bool un
 
 bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution = {});
 
-/// optimize() on a diagram of exactly these samples, which is edited; what is removed leaves its id unused. `ids` (out): of the
-/// samples of the result. Cancelled before it has begun, it throws Error(kCancelled).
-OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
+/// optimize() on a diagram of exactly these samples. Both are edited; a site that is removed leaves its id unused. `ids` (out):
+/// of the samples there are in the end. Cancelled before it has begun, it throws Error(kCancelled), and nothing has changed.
+OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids);
 
 }  // namespace detail

@@ -169,9 +169,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, const
     optimization.conflict_rule = sampling.conflict_rule;
     optimization.seed = sampling.seed;
     optimization.execution = execution.part(parts.sampling, parts.optimization, "improving triangles");
-    OptimizeResult optimized = optimize_diagram(*run.diagram, result.samples, optimization, ids);
-    result.samples = std::move(optimized.samples);
-    result.report.optimization = std::move(optimized.report);
+    result.report.optimization = optimize_diagram(*run.diagram, result.samples, optimization, ids);
     status = std::max(status, result.report.optimization.status);
     result.report.seconds_optimize = watch.lap();
     if (status == Outcome::kCancelled) return;

@@ -43,21 +43,41 @@ bool EditableSamples::are_apart(const std::vector<Sample>& disks, ConflictRule r
   return true;
 }
 
-SampleSet EditableSamples::collect(std::vector<Index>& ids, const Execution& execution) const {
-  GrowingSet result;
-  result.reserve(samples_.size());
+void EditableSamples::collect(SampleSet& set, std::vector<Index>& ids) const {
+  const Index num_given = set.size();
+  if (set.facets.empty()) {
+    set.facets.assign(slot(num_given), kNone);
+    set.barycentrics.resize(num_given);
+  }
   ids.clear();
   ids.reserve(samples_.size());
-  Ticker ticker(execution, 2 * samples_.size(), kEditableSamplesPerLook);
-  for (const bool made_here : {false, true}) {
-    for (Index s = 0; s < size(); ++s) {
-      ticker.tick();
-      if (!alive(s) || is_new(s) != made_here) continue;
-      ids.push_back(s);
-      result.add((*this)[s]);
+  // Rows only move forwards, into places that are free by now.
+  Index row = 0;
+  for (Index s = 0; s < num_given; ++s) {
+    if (!alive(s) || is_new(s)) continue;
+    if (row != s) {
+      set.positions.row(row) = set.positions.row(s);
+      set.barycentrics.row(row) = set.barycentrics.row(s);
+      set.radii[slot(row)] = set.radii[slot(s)];
+      set.facets[slot(row)] = set.facets[slot(s)];
     }
+    ids.push_back(s);
+    ++row;
   }
-  return result.finish();
+  for (Index s = 0; s < size(); ++s) {
+    if (alive(s) && is_new(s)) ids.push_back(s);
+  }
+  set.positions.resize(static_cast<std::ptrdiff_t>(ids.size()));
+  set.barycentrics.resize(static_cast<std::ptrdiff_t>(ids.size()));
+  set.radii.resize(ids.size());
+  set.facets.resize(ids.size());
+  for (; slot(row) < ids.size(); ++row) {
+    const Sample& sample = (*this)[ids[slot(row)]];
+    set.positions.row(row) = sample.position().transpose();
+    set.barycentrics.row(row) = sample.at.barycentric.transpose();
+    set.radii[slot(row)] = sample.radius;
+    set.facets[slot(row)] = sample.at.facet;
+  }
 }
 
 SampleEdit::SampleEdit(EditableSamples& samples, const std::vector<Index>& removed) : samples_(samples) {

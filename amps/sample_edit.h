@@ -40,8 +40,9 @@ class EditableSamples {
   /// RestrictedPowerDiagram::compact(); between edits.
   void compact(const Execution& execution) { diagram_.compact(execution); }
 
-  /// Those that are alive: the given ones in order, then the new ones. `ids` (out): of the rows.
-  SampleSet collect(std::vector<Index>& ids, const Execution& execution = {}) const;
+  /// Those that are alive: the given ones in order, then the new ones. `set`: in, the samples given to the constructor, whose
+  /// memory is used again. `ids` (out): of the rows. A twentieth of a second for a million samples.
+  void collect(SampleSet& set, std::vector<Index>& ids) const;
 
  private:
   friend class SampleEdit;

@@ -71,7 +71,8 @@ TEST_CASE("optimize: forced refills and what is undone leave every radius, place
     options.max_angle = 92;
     Diagram diagram = amps::detail::diagram_of(set.mesh, set.samples, on_threads(1));
     std::vector<Index> ids;
-    const OptimizeResult result = amps::detail::optimize_diagram(diagram, set.samples, options, ids);
+    OptimizeResult result{set.samples, {}};
+    result.report = amps::detail::optimize_diagram(diagram, result.samples, options, ids);
     check_result(set, result);
     REQUIRE(ids.size() == at(result.samples.size()));
     for (Index s = 0; s < result.samples.size(); ++s) {
@@ -259,7 +260,8 @@ TEST_CASE("optimize: the diagram given is that of the result") {
     options.min_angle = 40;
     Diagram diagram = amps::detail::diagram_of(set.mesh, set.samples, on_threads(1));
     std::vector<Index> ids;
-    const OptimizeResult result = amps::detail::optimize_diagram(diagram, set.samples, options, ids);
+    OptimizeResult result{set.samples, {}};
+    result.report = amps::detail::optimize_diagram(diagram, result.samples, options, ids);
     CHECK(same_set(result.samples, optimized(set, options).samples));
     REQUIRE(ids.size() == at(result.samples.size()));
     REQUIRE(diagram.num_sites() - diagram.num_removed() == result.samples.size());

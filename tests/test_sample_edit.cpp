@@ -62,8 +62,9 @@ CanonicalDiagram rebuilt(const Mesh& mesh, const Expected& expected) {
   return canonical(Diagram(mesh, sites.positions, sites.weights), ids);
 }
 
-/// Grid and set, asked and compared one by one.
-void check_samples(const Mesh& mesh, const EditableSamples& samples, const Expected& expected, double radius, Rng& rng) {
+/// Grid and set, asked and compared one by one. `set`: the given one.
+void check_samples(const Mesh& mesh, const EditableSamples& samples, SampleSet set, const Expected& expected, double radius,
+                   Rng& rng) {
   std::vector<Index> alive;
   for (Index s = 0; s < samples.size(); ++s) {
     if (samples.alive(s)) alive.push_back(s);
@@ -92,7 +93,7 @@ void check_samples(const Mesh& mesh, const EditableSamples& samples, const Expec
     if (nearest <= 4 * radius * radius) CHECK(by_grid == nearest);
   }
   std::vector<Index> ids;
-  const SampleSet set = samples.collect(ids);
+  samples.collect(set, ids);
   REQUIRE(ids.size() == expected.size());
   for (Index row = 0; row < set.size(); ++row) {
     const Entry& entry = expected.at(ids[at(row)]);
@@ -177,7 +178,7 @@ class Session {
 
   void check() {
     CHECK(canonical(diagram_) == rebuilt(mesh_, expected_));
-    check_samples(mesh_, samples_, expected_, radius_, rng_);
+    check_samples(mesh_, samples_, set_, expected_, radius_, rng_);
   }
 
   const Expected& expected() const { return expected_; }
