@@ -63,9 +63,11 @@ MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const s
   begin_.push_back(sides_.size());
 }
 
-std::vector<std::size_t> MeshEdges::edge_of_sides() const {
+std::vector<std::size_t> MeshEdges::edge_of_sides(const Execution& run) const {
   std::vector<std::size_t> result(num_corners_, kNoEdge);
+  Ticker ticker(run, size(), kEdgesPerLook);
   for (std::size_t e = 0; e < size(); ++e) {
+    ticker.tick();
     for (const EdgeSide& side : (*this)[e]) result[side.corner()] = e;
   }
   return result;
@@ -73,9 +75,13 @@ std::vector<std::size_t> MeshEdges::edge_of_sides() const {
 
 UnionFind::UnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), std::size_t{0}); }
 
-std::size_t UnionFind::count(const std::vector<char>& member) {
+std::size_t UnionFind::count(const std::vector<char>& member, const Execution& run) {
+  Ticker ticker(run, member.size(), kEdgesPerLook);
   std::size_t result = 0;
-  for (std::size_t i = 0; i < member.size(); ++i) result += member[i] != 0 && find(i) == i ? 1 : 0;
+  for (std::size_t i = 0; i < member.size(); ++i) {
+    ticker.tick();
+    result += member[i] != 0 && find(i) == i ? 1 : 0;
+  }
   return result;
 }
 
@@ -100,9 +106,11 @@ std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<c
 }
 
 std::vector<Index> fans_at_vertices(const TrianglesView& triangles, Index num_vertices, const std::vector<std::size_t>& fans,
-                                    const std::vector<char>& counted) {
+                                    const std::vector<char>& counted, const Execution& run) {
+  Ticker ticker(run, fans.size(), kEdgesPerLook);
   std::vector<Index> result(slot(num_vertices), 0);
   for (std::size_t c = 0; c < fans.size(); ++c) {
+    ticker.tick();
     if (fans[c] != c || (!counted.empty() && counted[c / 3] == 0)) continue;
     ++result[slot(triangles(static_cast<std::ptrdiff_t>(c / 3), static_cast<int>(c % 3)))];
   }

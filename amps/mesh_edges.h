@@ -63,7 +63,7 @@ class MeshEdges {
 
   /// The edge of each side, by side; kNoEdge for those of facets that were left out. O(#F).
   static constexpr std::size_t kNoEdge = static_cast<std::size_t>(-1);
-  std::vector<std::size_t> edge_of_sides() const;
+  std::vector<std::size_t> edge_of_sides(const Execution& run = {}) const;
 
   std::size_t num_corners() const { return num_corners_; }  ///< 3·#F, of facets left out too
 
@@ -88,7 +88,7 @@ class UnionFind {
     parent_[a < b ? b : a] = a < b ? a : b;
   }
   /// The number of sets whose smallest element has a flag other than 0 in `member`.
-  std::size_t count(const std::vector<char>& member);
+  std::size_t count(const std::vector<char>& member, const Execution& run = {});
 
  private:
   std::vector<std::size_t> parent_;
@@ -101,7 +101,7 @@ std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<c
 
 /// The number of fans at each vertex, of facets that count. `fans`: as corner_fans() gives them. O(#V + #F).
 std::vector<Index> fans_at_vertices(const TrianglesView& triangles, Index num_vertices, const std::vector<std::size_t>& fans,
-                                    const std::vector<char>& counted = {});
+                                    const std::vector<char>& counted = {}, const Execution& run = {});
 
 /// Points without repetition, numbered as they come. Equal are equal coordinates (−0 equals 0); a point with a NaN equals none,
 /// not even itself. O(1) expected a call.
