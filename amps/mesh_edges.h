@@ -7,6 +7,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 
 #include <cstddef>
@@ -14,6 +15,9 @@
 #include <vector>
 
 namespace amps::detail {
+
+/// Facets or edges of such loops between looks: some 0.1 ms.
+inline constexpr std::uint64_t kEdgesPerLook = 1 << 12;
 
 inline std::size_t next_corner(std::size_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; }
 
@@ -107,7 +111,7 @@ std::vector<Index> fans_at_vertices(const TrianglesView& triangles, Index num_ve
 /// not even itself. O(1) expected a call.
 class DistinctPoints {
  public:
-  explicit DistinctPoints(std::size_t expected = 0);
+  explicit DistinctPoints(std::size_t expected = 0, const Execution& run = {});
 
   /// The number of the point with these coordinates, which is added if it is new. Fewer than 2^31.
   Index find_or_add(const Vec3& x);
@@ -129,8 +133,5 @@ class DistinctPoints {
 
 /// For each vertex the first one with equal coordinates; a vertex with a NaN stays alone. O(#V) expected.
 std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& run = {});
-
-/// Facets or edges of such loops between looks: some 0.1 ms.
-inline constexpr std::uint64_t kEdgesPerLook = 1 << 12;
 
 }  // namespace amps::detail
