@@ -13,6 +13,8 @@
 #include <ostream>
 #include <sstream>
 #include <system_error>
+#include <utility>
+#include <vector>
 
 #if defined(__cpp_lib_to_chars) && __cpp_lib_to_chars >= 201611L
 #define AMPS_HAS_DOUBLE_CHARCONV 1
@@ -175,20 +177,47 @@ std::string lower_extension(const std::filesystem::path& path) {
 }
 
 std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size, const Execution& run) {
-  std::string data;
+  // Strings that never grow beyond what they reserve, since to copy what was read takes long. A file of the expected size
+  // takes one, with a byte to spare to see its end.
+  constexpr double kShareOfReading = 0.7;
+  std::vector<std::string> strings;
   std::size_t size = 0;
-  do {
-    // One byte more than a file of the expected size has, so that its end shows in the first round.
-    data.resize(size == 0 ? std::max<std::size_t>(expected_size + 1, 1u << 16) : 2 * data.size());
-    while (in && size < data.size()) {
-      in.read(data.data() + size, static_cast<std::streamsize>(std::min(data.size() - size, kBytesPerPiece)));
-      size += static_cast<std::size_t>(in.gcount());
-      run.report(static_cast<double>(size) / static_cast<double>(data.size()));
+  while (in) {
+    if (strings.empty() || strings.back().size() == strings.back().capacity()) {
+      strings.emplace_back().reserve(std::max({expected_size > size ? expected_size - size + 1 : 0, size, kBytesPerPiece}));
     }
-  } while (in);
+    std::string& data = strings.back();
+    const std::size_t before = data.size();
+    data.resize(before + std::min(data.capacity() - before, kBytesPerPiece));
+    in.read(&data[before], static_cast<std::streamsize>(data.size() - before));
+    data.resize(before + static_cast<std::size_t>(in.gcount()));
+    size += data.size() - before;
+    run.report(kShareOfReading * static_cast<double>(size) /
+               static_cast<double>(std::max(size, expected_size) + kBytesPerPiece));
+  }
   if (in.bad()) throw Error(ErrorCode::kFileNotFound, name + ": cannot be read: " + system_message() + "; check the device");
-  data.resize(size);
-  return data;
+  if (strings.empty()) return {};
+  if (strings.size() == 1) return std::move(strings.front());
+  std::string joined;
+  joined.reserve(size);
+  Ticker ticker(run.part(kShareOfReading, 1), size, 1);
+  for (std::string& data : strings) {
+    for (std::size_t at = 0; at < data.size(); at += kBytesPerPiece) {
+      joined.append(data, at, kBytesPerPiece);
+      ticker.tick(kBytesPerPiece);
+    }
+    data = std::string();
+  }
+  return joined;
+}
+
+void write_whole_stream(std::ostream& out, const std::string& content, const Execution& run) {
+  for (std::size_t at = 0; at < content.size(); at += kBytesPerPiece) {
+    out.write(content.data() + at, static_cast<std::streamsize>(std::min(content.size() - at, kBytesPerPiece)));
+    run.report(static_cast<double>(at) / static_cast<double>(content.size()));
+  }
+  out.flush();
+  if (!out) throw Error(ErrorCode::kFileNotFound, "stream: the mesh cannot be written to it; check what it leads to");
 }
 
 std::string read_whole_file(const std::filesystem::path& path, const Execution& run) {

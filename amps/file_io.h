@@ -193,9 +193,12 @@ inline constexpr std::uint64_t kRowsPerLook = 1 << 13;
 /// The extension of a file name, with its dot, in lower case.
 std::string lower_extension(const std::filesystem::path& path);
 
-/// The rest of a stream, or a whole file. Error(kFileNotFound) if it cannot be opened or read.
+/// The rest of a stream, or a whole file. Error(kFileNotFound) if it cannot be opened or read. `expected_size`: 0 if unknown.
 std::string read_whole_stream(std::istream& in, const std::string& name, std::size_t expected_size, const Execution& run = {});
 std::string read_whole_file(const std::filesystem::path& path, const Execution& run = {});
+
+/// Error(kFileNotFound) if the stream fails. If cancelled, part of the content is in it.
+void write_whole_stream(std::ostream& out, const std::string& content, const Execution& run = {});
 
 /// Writes a file under a temporary name in the same directory and renames it: on failure, Error(kFileNotFound), nothing has
 /// changed. A link is followed, permissions are kept, a read-only file is refused, a device or pipe is written in place.

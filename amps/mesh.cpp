@@ -42,6 +42,16 @@ bool facet_is_finite(const MeshView& mesh, Index f) {
   return true;
 }
 
+/// body(i) for all i in [0, n), with looks between.
+template <class Body>
+void for_each_watched(Index n, const Execution& run, const Body& body) {
+  detail::Ticker ticker(run, detail::slot(n), detail::kEdgesPerLook);
+  for (Index i = 0; i < n; ++i) {
+    ticker.tick();
+    body(i);
+  }
+}
+
 void require_index_sizes(const MeshView& mesh) {
   constexpr std::ptrdiff_t limit = std::numeric_limits<Index>::max();
   if (mesh.vertices.rows() > limit || mesh.triangles.rows() > limit) {
@@ -113,19 +123,19 @@ void grow_box(Box& box, bool& started, const Vec3& p) {
   started = true;
 }
 
-std::vector<char> used_vertices(const MeshView& mesh) {
+std::vector<char> used_vertices(const MeshView& mesh, const Execution& run) {
   std::vector<char> used(static_cast<std::size_t>(mesh.num_vertices()), 0);
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
+  for_each_watched(mesh.num_facets(), run, [&](Index f) {
     for (int k = 0; k < 3; ++k) {
       const Index v = mesh.triangles(f, k);
       if (v >= 0 && v < mesh.num_vertices()) used[static_cast<std::size_t>(v)] = 1;
     }
-  }
+  });
   return used;
 }
 
 // Keeps the vertices i with keep[i] == i, in order; facets go through `keep`.
-Mesh renumbered(const MeshView& mesh, const std::vector<Index>& keep) {
+Mesh renumbered(const MeshView& mesh, const std::vector<Index>& keep, const Execution& run) {
   std::vector<Index> number(keep.size(), kNone);
   Index count = 0;
   for (std::size_t i = 0; i < keep.size(); ++i) {
@@ -133,16 +143,16 @@ Mesh renumbered(const MeshView& mesh, const std::vector<Index>& keep) {
   }
   Mesh result;
   result.vertices.resize(count);
-  for (std::size_t i = 0; i < keep.size(); ++i) {
-    if (number[i] != kNone) result.vertices.row(number[i]) = mesh.vertices[static_cast<std::ptrdiff_t>(i)].transpose();
-  }
+  for_each_watched(mesh.num_vertices(), run.part(0, 0.5), [&](Index v) {
+    if (number[detail::slot(v)] != kNone) result.vertices.row(number[detail::slot(v)]) = mesh.vertices[v].transpose();
+  });
   result.triangles.resize(mesh.num_facets());
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
+  for_each_watched(mesh.num_facets(), run.part(0.5, 1), [&](Index f) {
     for (int k = 0; k < 3; ++k) {
       const Index target = keep[static_cast<std::size_t>(mesh.triangles(f, k))];
       result.triangles(f, k) = number[static_cast<std::size_t>(target)];
     }
-  }
+  });
   return result;
 }
 
@@ -159,7 +169,7 @@ Mesh MeshView::copy() const {
   return result;
 }
 
-void require_usable(const MeshView& mesh) {
+void require_usable(const MeshView& mesh, const Execution& execution) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidMesh, "mesh: " + what); };
   require_index_sizes(mesh);
   if (mesh.num_facets() == 0) fail("it has no facet; give a surface, not a point set");
@@ -168,7 +178,7 @@ void require_usable(const MeshView& mesh) {
     fail("vertex " + std::to_string(v) + " (0-based) has a coordinate that is NaN or infinite; remove or correct it");
   }
   require_indices(mesh);
-  const double area = total_area(mesh);
+  const double area = total_area(mesh, execution.start("checking the mesh"));
   if (!std::isfinite(area)) fail("its area is too large for a double; scale it down");
   if (!(area > 0)) {
     fail(
@@ -177,55 +187,66 @@ void require_usable(const MeshView& mesh) {
   }
 }
 
-std::vector<double> facet_areas(const MeshView& mesh) {
+std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution) {
   require_indices(mesh);
+  const Execution run = execution.start("measuring areas");
   std::vector<double> areas(static_cast<std::size_t>(mesh.num_facets()));
-  for (Index f = 0; f < mesh.num_facets(); ++f) areas[static_cast<std::size_t>(f)] = facet_area(mesh, f);
+  for_each_watched(mesh.num_facets(), run, [&](Index f) { areas[static_cast<std::size_t>(f)] = facet_area(mesh, f); });
+  run.finish();
   return areas;
 }
 
-double total_area(const MeshView& mesh) {
+double total_area(const MeshView& mesh, const Execution& execution) {
   require_indices(mesh);
+  const Execution run = execution.start("measuring areas");
   CompensatedSum sum;
-  for (Index f = 0; f < mesh.num_facets(); ++f) sum.add(facet_area(mesh, f));
+  for_each_watched(mesh.num_facets(), run, [&](Index f) { sum.add(facet_area(mesh, f)); });
+  run.finish();
   return sum.value();
 }
 
-Points facet_normals(const MeshView& mesh) {
+Points facet_normals(const MeshView& mesh, const Execution& execution) {
   require_indices(mesh);
+  const Execution run = execution.start("measuring normals");
   Points normals(mesh.num_facets());
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
+  for_each_watched(mesh.num_facets(), run, [&](Index f) {
     const Vec3 cross = facet_cross(mesh, f).cross;
     if (cross.squaredNorm() > 0) normals.row(f) = cross.stableNormalized().transpose();
-  }
+  });
+  run.finish();
   return normals;
 }
 
-Box bounding_box(const MeshView& mesh) {
+Box bounding_box(const MeshView& mesh, const Execution& execution) {
   require_indices(mesh);
+  const Execution run = execution.start("measuring the box");
   Box box;
   bool started = false;
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
+  for_each_watched(mesh.num_facets(), run, [&](Index f) {
     for (int k = 0; k < 3; ++k) grow_box(box, started, mesh.corner(f, k));
-  }
+  });
+  run.finish();
   return box;
 }
 
-Mesh remove_isolated_vertices(const MeshView& mesh) {
+Mesh remove_isolated_vertices(const MeshView& mesh, const Execution& execution) {
   require_indices(mesh);
-  const std::vector<char> used = used_vertices(mesh);
+  const Execution run = execution.start("removing vertices");
+  const std::vector<char> used = used_vertices(mesh, run.part(0, 0.3));
   std::vector<Index> keep(used.size(), kNone);
   for (std::size_t v = 0; v < used.size(); ++v) {
     if (used[v] != 0) keep[v] = static_cast<Index>(v);
   }
-  return renumbered(mesh, keep);
+  Mesh result = renumbered(mesh, keep, run.part(0.3, 1));
+  run.finish();
+  return result;
 }
 
 Mesh merge_equal_vertices(const MeshView& mesh, const Execution& execution) {
   require_indices(mesh);
   const Execution run = execution.start("merging vertices");
   const std::vector<Index> first = detail::first_equal_vertices(mesh, run.part(0, 0.7));
-  Mesh result = renumbered(mesh, first);
+  Mesh result = renumbered(mesh, first, run.part(0.7, 1));
   run.finish();
   return result;
 }
@@ -233,9 +254,11 @@ Mesh merge_equal_vertices(const MeshView& mesh, const Execution& execution) {
 namespace {
 
 // Edges by the number and orientation of their facets.
-void count_edges(const detail::MeshEdges& edges, TopologyReport& report) {
+void count_edges(const detail::MeshEdges& edges, TopologyReport& report, const Execution& run) {
   report.edges = static_cast<Index>(edges.size());
+  detail::Ticker ticker(run, edges.size(), detail::kEdgesPerLook);
   for (std::size_t e = 0; e < edges.size(); ++e) {
+    ticker.tick();
     const detail::MeshEdge edge = edges[e];
     report.boundary_edges += edge.boundary() ? 1 : 0;
     report.non_manifold_edges += edge.non_manifold() ? 1 : 0;
@@ -244,16 +267,18 @@ void count_edges(const detail::MeshEdges& edges, TopologyReport& report) {
 }
 
 // The closed curves of the boundary graph, with each vertex split into its fans.
-Index count_boundary_loops(const detail::MeshEdges& edges, const std::vector<std::size_t>& fans) {
+Index count_boundary_loops(const detail::MeshEdges& edges, const std::vector<std::size_t>& fans, const Execution& run) {
   detail::UnionFind boundary(fans.size());
   std::vector<char> on_boundary(fans.size(), 0);
+  detail::Ticker ticker(run.part(0, 0.5), edges.size(), detail::kEdgesPerLook);
   for (std::size_t e = 0; e < edges.size(); ++e) {
+    ticker.tick();
     if (!edges[e].boundary()) continue;
     const std::size_t a = fans[edges[e][0].low_corner()], b = fans[edges[e][0].high_corner()];
     on_boundary[a] = on_boundary[b] = 1;
     boundary.join(a, b);
   }
-  return static_cast<Index>(boundary.count(on_boundary));
+  return static_cast<Index>(boundary.count(on_boundary, run.part(0.5, 1)));
 }
 
 }  // namespace
@@ -261,35 +286,32 @@ Index count_boundary_loops(const detail::MeshEdges& edges, const std::vector<std
 TopologyReport topology(const MeshView& mesh, const Execution& execution) {
   require_index_sizes(mesh);
   const Execution run = execution.start("looking at the topology");
-  detail::Ticker ticker(run.part(0, 0.15), detail::slot(mesh.num_facets()), detail::kEdgesPerLook);
   const auto num_vertices = static_cast<std::size_t>(mesh.num_vertices());
   TopologyReport report;
   std::vector<char> counted(static_cast<std::size_t>(mesh.num_facets()), 0);
   std::vector<char> used(num_vertices, 0);
   detail::UnionFind surface(num_vertices);
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
-    ticker.tick();
-    if (!facet_in_range(mesh, f) || facet_has_repeated_index(mesh, f)) continue;
+  for_each_watched(mesh.num_facets(), run.part(0, 0.1), [&](Index f) {
+    if (!facet_in_range(mesh, f) || facet_has_repeated_index(mesh, f)) return;
     counted[static_cast<std::size_t>(f)] = 1;
     ++report.facets;
     for (int k = 0; k < 3; ++k) {
       used[static_cast<std::size_t>(mesh.triangles(f, k))] = 1;
       surface.join(static_cast<std::size_t>(mesh.triangles(f, 0)), static_cast<std::size_t>(mesh.triangles(f, k)));
     }
-  }
+  });
   report.vertices = static_cast<Index>(std::count(used.begin(), used.end(), char{1}));
-  report.components = static_cast<Index>(surface.count(used));
+  report.components = static_cast<Index>(surface.count(used, run.part(0.1, 0.12)));
 
-  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0.15, 0.5));
-  count_edges(edges, report);
+  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0.12, 0.45));
+  count_edges(edges, report, run.part(0.45, 0.5));
   report.euler_characteristic = report.vertices - report.edges + report.facets;
 
-  const std::vector<std::size_t> fans = detail::corner_fans(edges, {}, run.part(0.55, 0.8));
-  report.boundary_loops = count_boundary_loops(edges, fans);
+  const std::vector<std::size_t> fans = detail::corner_fans(edges, {}, run.part(0.5, 0.75));
+  report.boundary_loops = count_boundary_loops(edges, fans, run.part(0.75, 0.9));
 
-  run.report(0.9);
   // Where three or more facets meet at an edge, their corners are in one fan; vertices of such edges are not asked for theirs.
-  std::vector<Index> fans_at = detail::fans_at_vertices(mesh.triangles, mesh.num_vertices(), fans, counted);
+  std::vector<Index> fans_at = detail::fans_at_vertices(mesh.triangles, mesh.num_vertices(), fans, counted, run.part(0.9, 1));
   for (std::size_t e = 0; e < edges.size(); ++e) {
     if (edges[e].non_manifold()) fans_at[detail::slot(edges[e].low)] = fans_at[detail::slot(edges[e].high)] = 1;
   }
@@ -305,28 +327,26 @@ MeshReport check(const MeshView& mesh, const Execution& execution) {
   MeshReport report;
   report.vertices = mesh.num_vertices();
   report.facets = mesh.num_facets();
-  const std::vector<char> used = used_vertices(mesh);
+  const std::vector<char> used = used_vertices(mesh, run.part(0, 0.03));
   report.isolated_vertices = static_cast<Index>(std::count(used.begin(), used.end(), char{0}));
   for (Index v = 0; v < report.vertices; ++v) report.non_finite_vertices += vertex_is_finite(mesh, v) ? 0 : 1;
-  const std::vector<Index> first = detail::first_equal_vertices(mesh, run.part(0, 0.2));
+  const std::vector<Index> first = detail::first_equal_vertices(mesh, run.part(0.03, 0.2));
   for (std::size_t v = 0; v < first.size(); ++v) report.duplicate_vertices += first[v] == static_cast<Index>(v) ? 0 : 1;
   CompensatedSum area;
   bool box_started = false;
-  detail::Ticker ticker(run.part(0.2, 0.5), detail::slot(mesh.num_facets()), detail::kEdgesPerLook);
-  for (Index f = 0; f < report.facets; ++f) {
-    ticker.tick();
+  for_each_watched(report.facets, run.part(0.2, 0.5), [&](Index f) {
     if (!facet_in_range(mesh, f)) {
       ++report.out_of_range_facets;
-      continue;
+      return;
     }
     const bool repeated = facet_has_repeated_index(mesh, f);
     report.repeated_index_facets += repeated ? 1 : 0;
-    if (!facet_is_finite(mesh, f)) continue;
+    if (!facet_is_finite(mesh, f)) return;
     for (int k = 0; k < 3; ++k) grow_box(report.box, box_started, mesh.corner(f, k));
     area.add(facet_area(mesh, f));
     const Vec3 a = mesh.corner(f, 0), b = mesh.corner(f, 1), c = mesh.corner(f, 2);
     report.zero_area_facets += !repeated && collinear(a.data(), b.data(), c.data()) ? 1 : 0;
-  }
+  });
   report.area = area.value();
   report.topology = topology(mesh, run.part(0.5, 1));
   run.finish();

@@ -45,19 +45,19 @@ struct SurfacePoint {
 /// Throws Error(kInvalidMesh) naming the first offending vertex or facet, and what to do, if the mesh has no facet, a
 /// coordinate that is NaN or infinite, an index out of range, or an area that is 0 or infinite as a double; Error(kTooLarge)
 /// for more than 2^31 − 1 vertices or facets. Everything else works.
-void require_usable(const MeshView& mesh);
+void require_usable(const MeshView& mesh, const Execution& execution = {});
 
-// All functions of this file are O(#V + #F) expected and thread-safe. Those that take an Execution use none of its threads, and
-// throw Error(kCancelled) if stopped through it. Those below, but topology() and check(), throw
-// Error(kInvalidMesh) for an index out of range.
+// All functions of this file are O(#V + #F) expected and thread-safe. They use no thread of their Execution, and throw
+// Error(kCancelled) if stopped through it. Those below, but topology() and check(), throw Error(kInvalidMesh) for an index out
+// of range.
 
 /// Area of each facet, absolute units; exactly 0 where the corners are exactly collinear. Good at any scale whose squares a
 /// double holds. total_area is a compensated sum, so it does not depend on the order of facets beyond its last bits.
-std::vector<double> facet_areas(const MeshView& mesh);
-double total_area(const MeshView& mesh);
+std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution = {});
+double total_area(const MeshView& mesh, const Execution& execution = {});
 
 /// #F by 3 unit normals by the right-hand rule; zero rows for degenerate facets.
-Points facet_normals(const MeshView& mesh);
+Points facet_normals(const MeshView& mesh, const Execution& execution = {});
 
 /// Smallest box around the vertices that facets use; a point at the origin if there is no facet.
 struct Box {
@@ -65,10 +65,10 @@ struct Box {
   Vec3 max = Vec3::Zero();
   double diagonal() const { return (max - min).norm(); }
 };
-Box bounding_box(const MeshView& mesh);
+Box bounding_box(const MeshView& mesh, const Execution& execution = {});
 
 /// Vertices used by no facet dropped, the rest renumbered in order.
-Mesh remove_isolated_vertices(const MeshView& mesh);
+Mesh remove_isolated_vertices(const MeshView& mesh, const Execution& execution = {});
 
 /// Vertices with equal coordinates merged (−0 equals 0), first of each kept, in order; facets keep their number and order.
 Mesh merge_equal_vertices(const MeshView& mesh, const Execution& execution = {});

@@ -8,11 +8,27 @@
 namespace amps::detail {
 namespace {
 
+/// values.resize(n), with looks between: fresh memory takes some 0.3 ms a megabyte.
+template <class T>
+void resize_watched(std::vector<T>& values, std::size_t n, const T& value, const Execution& run) {
+  constexpr std::size_t kPerPiece = (std::size_t{1} << 22) / sizeof(T);
+  values.reserve(n);
+  while (values.size() < n) {
+    run.report(0);
+    values.resize(std::min(n, values.size() + kPerPiece), value);
+  }
+}
+
 /// Sorts by the higher vertex; sides of equal ones keep their order. Nearly always a handful.
-void sort_by_high(EdgeSide* first, EdgeSide* last) {
+void sort_by_high(EdgeSide* first, EdgeSide* last, const Execution& run) {
   constexpr std::ptrdiff_t kMaxInserted = 24;
   if (last - first > kMaxInserted) {
-    std::stable_sort(first, last, [](const EdgeSide& a, const EdgeSide& b) { return a.high < b.high; });
+    constexpr std::uint64_t kComparisonsPerLook = 1 << 16;
+    std::uint64_t comparisons = 0;
+    std::stable_sort(first, last, [&](const EdgeSide& a, const EdgeSide& b) {
+      if (++comparisons % kComparisonsPerLook == 0) run.report(0);
+      return a.high < b.high;
+    });
     return;
   }
   for (EdgeSide* next = first; next < last; ++next) {
@@ -45,7 +61,7 @@ MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const s
   std::vector<std::size_t> start(slot(num_vertices) + 2, 0);
   for_each_side([&](Index low, const EdgeSide&) { ++start[slot(low) + 2]; });
   std::partial_sum(start.begin(), start.end(), start.begin());
-  sides_.resize(start.back());
+  resize_watched(sides_, start.back(), EdgeSide{}, run);
   for_each_side([&](Index low, const EdgeSide& side) { sides_[start[slot(low) + 1]++] = side; });
   begin_.reserve(sides_.size() / 2 + 1);
   low_.reserve(sides_.size() / 2);
@@ -53,7 +69,7 @@ MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const s
     ticker.tick();
     EdgeSide* const first = sides_.data() + start[slot(low)];
     EdgeSide* const last = sides_.data() + start[slot(low) + 1];
-    sort_by_high(first, last);
+    sort_by_high(first, last, run);
     for (const EdgeSide* at = first; at < last; ++at) {
       if (at > first && at[-1].high == at->high) continue;
       begin_.push_back(static_cast<std::size_t>(at - sides_.data()));
@@ -63,9 +79,11 @@ MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const s
   begin_.push_back(sides_.size());
 }
 
-std::vector<std::size_t> MeshEdges::edge_of_sides() const {
+std::vector<std::size_t> MeshEdges::edge_of_sides(const Execution& run) const {
   std::vector<std::size_t> result(num_corners_, kNoEdge);
+  Ticker ticker(run, size(), kEdgesPerLook);
   for (std::size_t e = 0; e < size(); ++e) {
+    ticker.tick();
     for (const EdgeSide& side : (*this)[e]) result[side.corner()] = e;
   }
   return result;
@@ -73,14 +91,19 @@ std::vector<std::size_t> MeshEdges::edge_of_sides() const {
 
 UnionFind::UnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), std::size_t{0}); }
 
-std::size_t UnionFind::count(const std::vector<char>& member) {
+std::size_t UnionFind::count(const std::vector<char>& member, const Execution& run) {
+  Ticker ticker(run, member.size(), kEdgesPerLook);
   std::size_t result = 0;
-  for (std::size_t i = 0; i < member.size(); ++i) result += member[i] != 0 && find(i) == i ? 1 : 0;
+  for (std::size_t i = 0; i < member.size(); ++i) {
+    ticker.tick();
+    result += member[i] != 0 && find(i) == i ? 1 : 0;
+  }
   return result;
 }
 
 std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<char>& cut, const Execution& run) {
   UnionFind fans(edges.num_corners());
+  run.report(0);
   Ticker ticker(run, edges.size() + edges.num_corners(), kEdgesPerLook);
   for (std::size_t e = 0; e < edges.size(); ++e) {
     ticker.tick();
@@ -91,7 +114,8 @@ std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<c
       fans.join(edge[0].high_corner(), side->high_corner());
     }
   }
-  std::vector<std::size_t> result(edges.num_corners());
+  std::vector<std::size_t> result;
+  resize_watched(result, edges.num_corners(), std::size_t{0}, run);
   for (std::size_t c = 0; c < result.size(); ++c) {
     result[c] = fans.find(c);
     ticker.tick();
@@ -100,19 +124,21 @@ std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<c
 }
 
 std::vector<Index> fans_at_vertices(const TrianglesView& triangles, Index num_vertices, const std::vector<std::size_t>& fans,
-                                    const std::vector<char>& counted) {
+                                    const std::vector<char>& counted, const Execution& run) {
+  Ticker ticker(run, fans.size(), kEdgesPerLook);
   std::vector<Index> result(slot(num_vertices), 0);
   for (std::size_t c = 0; c < fans.size(); ++c) {
+    ticker.tick();
     if (fans[c] != c || (!counted.empty() && counted[c / 3] == 0)) continue;
     ++result[slot(triangles(static_cast<std::ptrdiff_t>(c / 3), static_cast<int>(c % 3)))];
   }
   return result;
 }
 
-DistinctPoints::DistinctPoints(std::size_t expected) {
+DistinctPoints::DistinctPoints(std::size_t expected, const Execution& run) {
   std::size_t capacity = 16;
   while (capacity < 2 * expected) capacity *= 2;
-  table_.assign(capacity, kNone);
+  resize_watched(table_, capacity, kNone, run);
   coordinates_.reserve(3 * expected);
 }
 
@@ -152,8 +178,9 @@ void DistinctPoints::grow_table() {
 std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& run) {
   Ticker ticker(run, slot(mesh.num_vertices()), kEdgesPerLook);
   const auto n = slot(mesh.num_vertices());
-  DistinctPoints points(n);
-  std::vector<Index> first(n), first_of_point;
+  DistinctPoints points(n, run);
+  std::vector<Index> first, first_of_point;
+  resize_watched(first, n, kNone, run);
   first_of_point.reserve(n);
   for (std::size_t i = 0; i < n; ++i) {
     ticker.tick();

@@ -7,6 +7,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 
 #include <cstddef>
@@ -14,6 +15,9 @@
 #include <vector>
 
 namespace amps::detail {
+
+/// Facets or edges of such loops between looks: some 0.1 ms.
+inline constexpr std::uint64_t kEdgesPerLook = 1 << 12;
 
 inline std::size_t next_corner(std::size_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; }
 
@@ -63,7 +67,7 @@ class MeshEdges {
 
   /// The edge of each side, by side; kNoEdge for those of facets that were left out. O(#F).
   static constexpr std::size_t kNoEdge = static_cast<std::size_t>(-1);
-  std::vector<std::size_t> edge_of_sides() const;
+  std::vector<std::size_t> edge_of_sides(const Execution& run = {}) const;
 
   std::size_t num_corners() const { return num_corners_; }  ///< 3·#F, of facets left out too
 
@@ -88,7 +92,7 @@ class UnionFind {
     parent_[a < b ? b : a] = a < b ? a : b;
   }
   /// The number of sets whose smallest element has a flag other than 0 in `member`.
-  std::size_t count(const std::vector<char>& member);
+  std::size_t count(const std::vector<char>& member, const Execution& run = {});
 
  private:
   std::vector<std::size_t> parent_;
@@ -101,13 +105,13 @@ std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<c
 
 /// The number of fans at each vertex, of facets that count. `fans`: as corner_fans() gives them. O(#V + #F).
 std::vector<Index> fans_at_vertices(const TrianglesView& triangles, Index num_vertices, const std::vector<std::size_t>& fans,
-                                    const std::vector<char>& counted = {});
+                                    const std::vector<char>& counted = {}, const Execution& run = {});
 
 /// Points without repetition, numbered as they come. Equal are equal coordinates (−0 equals 0); a point with a NaN equals none,
 /// not even itself. O(1) expected a call.
 class DistinctPoints {
  public:
-  explicit DistinctPoints(std::size_t expected = 0);
+  explicit DistinctPoints(std::size_t expected = 0, const Execution& run = {});
 
   /// The number of the point with these coordinates, which is added if it is new. Fewer than 2^31.
   Index find_or_add(const Vec3& x);
@@ -129,8 +133,5 @@ class DistinctPoints {
 
 /// For each vertex the first one with equal coordinates; a vertex with a NaN stays alone. O(#V) expected.
 std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& run = {});
-
-/// Facets or edges of such loops between looks: some 0.1 ms.
-inline constexpr std::uint64_t kEdgesPerLook = 1 << 12;
 
 }  // namespace amps::detail

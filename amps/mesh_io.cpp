@@ -313,6 +313,12 @@ Mesh parse_binary_stl(const IoSource& source, std::int64_t facets) {
 
 // Headers of binary files start with "solid" often enough that only the size tells: 84 bytes and 50 a facet.
 Mesh parse_stl(const IoSource& source) {
+  // Corners are merged afterwards: of binary files, that is most of the work.
+  const auto merged = [&source](double share_of_reading, auto&& read) {
+    const IoSource reading{source.data, source.name, source.run.part(0, share_of_reading)};
+    const Mesh corners = read(reading);
+    return merge_equal_vertices(corners, source.run.part(share_of_reading, 1));
+  };
   const auto size = static_cast<std::int64_t>(source.data.size());
   const std::int64_t facets = size < 84 ? -1 : load_bytes<std::uint32_t>(source.begin() + 80, false);
   constexpr std::int64_t max_facets = std::numeric_limits<Index>::max() / 3;
@@ -320,7 +326,7 @@ Mesh parse_stl(const IoSource& source) {
   TextCursor text(source);
   const bool says_solid = text.next_content() && equal_ignoring_case(text.token(), "solid");
   const bool has_zeros = source.data.substr(0, 512).find('\0') != std::string_view::npos;
-  if (!exact_size && says_solid && !has_zeros) return parse_ascii_stl(source);
+  if (!exact_size && says_solid && !has_zeros) return merged(0.7, parse_ascii_stl);
   if (facets < 0) source.fail("it neither starts with solid nor has the 84 bytes of a header; it is not an STL file");
   if (size < 84 + 50 * facets) {
     source.fail("its header promises " + std::to_string(facets) + " facets, more than " + std::to_string(size) +
@@ -328,10 +334,16 @@ Mesh parse_stl(const IoSource& source) {
   }
   if (facets == 0 && size > 84) source.fail("its header promises no facet, but data follows; it is not an STL file");
   if (facets > max_facets) source.fail("more than 2^31 - 1 corners; cut it into parts", ErrorCode::kTooLarge);
-  return parse_binary_stl(source, facets);
+  return merged(0.25, [facets](const IoSource& reading) { return parse_binary_stl(reading, facets); });
 }
 
 // Writing meshes
+
+/// Three doubles as text take so many times as long as three indices.
+constexpr std::uint64_t kVertexTextCost = 4;
+
+/// Room for a line of text: most fit. To copy what is written because it outgrows its room would take long.
+constexpr std::size_t kVertexTextBytes = 64, kFacetTextBytes = 28;
 
 void require_writable(const MeshView& mesh, MeshFormat format) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidMesh, "mesh: " + what); };
@@ -376,8 +388,7 @@ std::string format_stl(const MeshView& mesh, const Execution& run) {
   out.resize(80, ' ');
   append_little_endian<std::uint32_t>(out, static_cast<std::uint32_t>(mesh.num_facets()));
   out.reserve(84 + 50 * static_cast<std::size_t>(mesh.num_facets()));
-  const Points normals = facet_normals(mesh);
-  run.report(0.3);
+  const Points normals = facet_normals(mesh, run.part(0, 0.3));
   Ticker ticker(run.part(0.3, 1), slot(mesh.num_facets()), kRowsPerLook);
   for (Index f = 0; f < mesh.num_facets(); ++f) {
     for (int k = 0; k < 3; ++k) append_float(out, normals(f, k));
@@ -391,15 +402,17 @@ std::string format_stl(const MeshView& mesh, const Execution& run) {
 }
 
 std::string format_ply(const MeshView& mesh, bool ascii, const Execution& run) {
-  Ticker ticker(run, slot(mesh.num_vertices()) + slot(mesh.num_facets()), kRowsPerLook);
+  const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
+  const std::uint64_t vertex_cost = ascii ? kVertexTextCost : 1;
+  Ticker ticker(run, vertex_cost * num_vertices + num_facets, kRowsPerLook);
   std::string out = "ply\nformat ";
   out += ascii ? "ascii" : "binary_little_endian";
   out += " 1.0\nelement vertex " + std::to_string(mesh.vertices.rows());
   out += "\nproperty double x\nproperty double y\nproperty double z\nelement face " + std::to_string(mesh.triangles.rows());
   out += "\nproperty list uchar int vertex_indices\nend_header\n";
-  if (!ascii) out.reserve(out.size() + static_cast<std::size_t>(24 * mesh.vertices.rows() + 13 * mesh.triangles.rows()));
+  out.reserve(out.size() + (ascii ? kVertexTextBytes : 24) * num_vertices + (ascii ? kFacetTextBytes : 13) * num_facets);
   for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
-    ticker.tick();
+    ticker.tick(vertex_cost);
     if (ascii) {
       append_row(out, "", mesh.vertices[v]);
     } else {
@@ -434,11 +447,11 @@ MeshFormat mesh_format(const std::filesystem::path& path) {
 Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name, const Execution& execution) {
   const Execution run = execution.start("reading");
   const auto parse = [&] {
-    const detail::IoSource source{data, name, run.part(0, format == MeshFormat::kStl ? 0.7 : 1)};
+    const detail::IoSource source{data, name, run};
     if (format == MeshFormat::kObj) return detail::parse_obj(source);
     if (format == MeshFormat::kOff) return detail::parse_off(source);
     if (format == MeshFormat::kPly) return detail::parse_ply(source);
-    return merge_equal_vertices(detail::parse_stl(source), run.part(0.7, 1));
+    return detail::parse_stl(source);
   };
   Mesh mesh = parse();
   run.finish();
@@ -471,12 +484,14 @@ std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWrite
     run.finish();
     return data;
   }
-  detail::Ticker ticker(run, detail::slot(mesh.num_vertices()) + detail::slot(mesh.num_facets()), detail::kRowsPerLook);
+  const std::size_t num_vertices = detail::slot(mesh.num_vertices()), num_facets = detail::slot(mesh.num_facets());
+  detail::Ticker ticker(run, detail::kVertexTextCost * num_vertices + num_facets, detail::kRowsPerLook);
   const bool obj = format == MeshFormat::kObj;
   std::string out;
-  if (!obj) out = "OFF\n" + std::to_string(mesh.vertices.rows()) + ' ' + std::to_string(mesh.triangles.rows()) + " 0\n";
+  out.reserve(detail::kVertexTextBytes * num_vertices + detail::kFacetTextBytes * num_facets);
+  if (!obj) out += "OFF\n" + std::to_string(mesh.vertices.rows()) + ' ' + std::to_string(mesh.triangles.rows()) + " 0\n";
   for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
-    ticker.tick();
+    ticker.tick(detail::kVertexTextCost);
     detail::append_row(out, obj ? "v " : "", mesh.vertices[v]);
   }
   for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
@@ -489,10 +504,10 @@ std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWrite
 
 void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options,
                 const Execution& execution) {
-  const std::string data = format_mesh(mesh, format, options, execution);
-  out.write(data.data(), static_cast<std::streamsize>(data.size()));
-  out.flush();
-  if (!out) throw Error(ErrorCode::kFileNotFound, "stream: the mesh cannot be written to it; check what it leads to");
+  const Execution run = execution.start("writing");
+  const std::string data = format_mesh(mesh, format, options, run.part(0, 1 - detail::kShareOfDisk));
+  detail::write_whole_stream(out, data, run.part(1 - detail::kShareOfDisk, 1));
+  run.finish();
 }
 
 void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options,

@@ -57,7 +57,8 @@ struct MeshWriteOptions {
 void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options = {},
                 const Execution& execution = {});
 
-/// The same to a stream (open it in binary mode; Error(kFileNotFound) if it fails), or to memory.
+/// The same to a stream (open it in binary mode; Error(kFileNotFound) if it fails; when cancelled, part of the mesh may be in
+/// it), or to memory.
 void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},
                 const Execution& execution = {});
 std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},

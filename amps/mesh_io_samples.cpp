@@ -34,7 +34,7 @@ struct SampleBuilder {
     return all_finite(row + 5) ? nullptr : "a barycentric coordinate is NaN or infinite; correct or remove the sample";
   }
 
-  SampleSet finish(const IoSource& source) const {
+  SampleSet finish(const IoSource& source, const Execution& run) const {
     const std::size_t n = values.size() / columns;
     if (n == 0) source.fail("it holds no sample; give at least one");
     if (n > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
@@ -43,7 +43,11 @@ struct SampleBuilder {
     SampleSet samples;
     samples.positions.resize(static_cast<std::ptrdiff_t>(n));
     if (columns == 8) samples.barycentrics.resize(static_cast<std::ptrdiff_t>(n));
+    samples.radii.reserve(n);
+    if (columns == 8) samples.facets.reserve(n);
+    Ticker ticker(run, n, kRowsPerLook);
     for (std::size_t i = 0; i < n; ++i) {
+      ticker.tick();
       const double* const row = values.data() + columns * i;
       std::copy_n(row, 3, samples.positions.data() + 3 * i);
       samples.radii.push_back(row[3]);
@@ -56,7 +60,7 @@ struct SampleBuilder {
   }
 };
 
-SampleSet parse_xyzr(const IoSource& source) {
+SampleBuilder parse_xyzr(const IoSource& source) {
   TextCursor text(source);
   SampleBuilder builder;
   while (text.next_content()) {
@@ -70,7 +74,7 @@ SampleSet parse_xyzr(const IoSource& source) {
     if (const char* const what = SampleBuilder::trouble(row, 4)) source.fail_line(line, what);
     builder.values.insert(builder.values.end(), row, row + 4);
   }
-  return builder.finish(source);
+  return builder;
 }
 
 // The fields of a CSV line, blanks and quotes around them removed.
@@ -89,7 +93,7 @@ void split_csv(std::string_view line, std::vector<std::string_view>& fields) {
   }
 }
 
-SampleSet parse_csv_samples(const IoSource& source) {
+SampleBuilder parse_csv_samples(const IoSource& source) {
   TextCursor text(source);
   std::vector<std::string_view> fields;
   const auto next_fields = [&] {
@@ -133,11 +137,12 @@ SampleSet parse_csv_samples(const IoSource& source) {
     if (const char* const what = SampleBuilder::trouble(row, builder.columns)) source.fail_line(line, what);
     builder.values.insert(builder.values.end(), row, row + builder.columns);
   }
-  return builder.finish(source);
+  return builder;
 }
 
-SampleSet parse_ply_samples(const IoSource& source) {
-  PlyReader reader(source);
+SampleBuilder parse_ply_samples(const IoSource& source) {
+  const IoSource reading{source.data, source.name, source.run.part(0, 0.5)};
+  PlyReader reader(reading);
   const PlyContent content = reader.read(kSampleColumns);
   const auto has = [&](std::size_t from, std::size_t to) {
     return std::count(content.found.begin() + static_cast<std::ptrdiff_t>(from),
@@ -146,12 +151,15 @@ SampleSet parse_ply_samples(const IoSource& source) {
   if (!has(0, 4)) source.fail("its vertices have no x, y, z and radius; it is not a file of samples");
   SampleBuilder builder;
   builder.columns = has(4, 8) ? 8 : 4;
+  builder.values.reserve(content.at.size() * builder.columns);
+  Ticker ticker(source.run.part(0.5, 1), content.at.size(), kRowsPerLook);
   for (std::size_t i = 0; i < content.at.size(); ++i) {
+    ticker.tick();
     const double* const row = content.values.data() + 8 * i;
     if (const char* const what = SampleBuilder::trouble(row, builder.columns)) reader.fail(content.at[i], what);
     builder.values.insert(builder.values.end(), row, row + builder.columns);
   }
-  return builder.finish(source);
+  return builder;
 }
 
 // The set as rows of 4 or 8 values; throws if it is not one read_samples would accept.
@@ -196,10 +204,11 @@ SampleFormat sample_format(const std::filesystem::path& path) {
 
 SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name, const Execution& execution) {
   const Execution run = execution.start("reading");
-  const detail::IoSource source{data, name, run};
-  SampleSet samples = format == SampleFormat::kPly   ? detail::parse_ply_samples(source)
-                      : format == SampleFormat::kCsv ? detail::parse_csv_samples(source)
-                                                     : detail::parse_xyzr(source);
+  const detail::IoSource source{data, name, run.part(0, 0.8)};
+  const detail::SampleBuilder rows = format == SampleFormat::kPly   ? detail::parse_ply_samples(source)
+                                     : format == SampleFormat::kCsv ? detail::parse_csv_samples(source)
+                                                                    : detail::parse_xyzr(source);
+  SampleSet samples = rows.finish(source, run.part(0.8, 1));
   run.finish();
   return samples;
 }
@@ -226,6 +235,8 @@ std::string format_samples(const SampleSet& samples, SampleFormat format, const 
   } else if (format == SampleFormat::kCsv) {
     for (std::size_t k = 0; k < columns; ++k) out += detail::kSampleColumns[k] + (k + 1 < columns ? ',' : '\n');
   }
+  // A number and its comma, or a double, take some 20 bytes at most.
+  out.reserve(out.size() + (format == SampleFormat::kPly ? 8u : 20u) * rows.values.size());
   detail::Ticker ticker(run.part(0.2, 1), rows.values.size(), detail::kRowsPerLook);
   for (std::size_t i = 0; i < rows.values.size(); ++i) {
     ticker.tick();

@@ -96,7 +96,7 @@ void measure_edges(const MeshView& mesh, QualityReport& report, const Execution&
   std::vector<char> counted(detail::slot(mesh.num_facets()));
   for (Index f = 0; f < mesh.num_facets(); ++f) counted[detail::slot(f)] = quality_skips(mesh.triangles, f) ? 0 : 1;
   const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0, 0.6));
-  detail::Ticker ticker(run.part(0.6, 1), edges.size(), detail::kEdgesPerLook);
+  detail::Ticker ticker(run.part(0.6, 0.95), edges.size(), detail::kEdgesPerLook);
   const auto num_vertices = detail::slot(mesh.num_vertices());
   std::vector<Index> degree(num_vertices, 0);
   std::vector<char> on_boundary(num_vertices, 0);
@@ -129,8 +129,8 @@ void measure_edges(const MeshView& mesh, QualityReport& report, const Execution&
 QualityReport quality(const MeshView& mesh, const Execution& execution) {
   const Execution run = execution.start("measuring triangles");
   QualityReport report;
-  measure_facets(mesh, report, run.part(0, 0.4));
-  measure_edges(mesh, report, run.part(0.4, 1));
+  measure_facets(mesh, report, run.part(0, 0.6));
+  measure_edges(mesh, report, run.part(0.6, 1));
   run.finish();
   return report;
 }

@@ -49,25 +49,21 @@ int run_sample(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
 
   const Stopwatch total;
-  const amps::Mesh mesh = load(arguments.operand(0));
+  Watch watch(arguments.quiet(), options.execution.threads);
+  const amps::Mesh mesh = load(arguments.operand(0), watch.execution);
   const double seconds_read = total.seconds();
-  options.sizing = make_sizing(sizing, mesh);
+  options.sizing = make_sizing(sizing, mesh, watch.execution);
   const double seconds_sizing = total.seconds() - seconds_read;
-  amps::SamplingResult result;
-  amps::MaximalityReport certificate;
-  double seconds_verify = 0;
-  {
-    Watch watch(arguments.quiet());
-    options.execution.progress = watch.progress;
-    result = amps::sample(mesh, options);
-    watch.check(result.status);
-    const Stopwatch verify;
-    certificate = amps::verify_maximal(mesh, result.samples, options.execution.threads);
-    seconds_verify = verify.seconds();
-    watch.check(result.status);
-  }
+  options.execution = watch.execution;
+  const amps::SamplingResult result = amps::sample(mesh, options);
+  watch.check(result.status);
+  const Stopwatch verify;
+  const amps::MaximalityReport certificate = amps::verify_maximal(mesh, result.samples, watch.execution);
+  const double seconds_verify = verify.seconds();
+  watch.check();
   const Stopwatch write;
-  amps::write_samples(arguments.operand(1), result.samples);
+  amps::write_samples(arguments.operand(1), result.samples, watch.execution);
+  watch.finish();
   Seconds seconds{{"read", seconds_read}, {"sizing", seconds_sizing}};
   for (const auto& stage : seconds_of(result.report)) seconds.push_back(stage);
   seconds.insert(seconds.end(), {{"verify", seconds_verify}, {"write", write.seconds()}, {"total", total.seconds()}});
@@ -127,27 +123,26 @@ int run_remesh(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
 
   const Stopwatch total;
-  const amps::Mesh mesh = load(arguments.operand(0));
+  Watch watch(arguments.quiet(), options.sampling.execution.threads);
+  const amps::Mesh mesh = load(arguments.operand(0), watch.execution);
   const double seconds_read = total.seconds();
-  options.sampling.sizing = make_sizing(sizing, mesh);
+  options.sampling.sizing = make_sizing(sizing, mesh, watch.execution);
   const double seconds_sizing = total.seconds() - seconds_read;
+  options.sampling.execution = watch.execution;
   const Stopwatch work;
-  amps::RemeshResult result;
-  {
-    Watch watch(arguments.quiet());
-    options.sampling.execution.progress = watch.progress;
-    result = amps::remesh(mesh, options);
-    watch.check(result.status);
-  }
+  const amps::RemeshResult result = amps::remesh(mesh, options);
+  watch.check(result.status);
   const double seconds_work = work.seconds();
   const Stopwatch write;
+  // An interruption leaves all files as they were, or, once the first is in place, none: the others are then written too.
+  amps::write_mesh(arguments.operand(1), result.mesh, {}, watch.execution);
   if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
-  amps::write_mesh(arguments.operand(1), result.mesh);
   if (arguments.has("--convergence")) {
     std::ostringstream convergence;
     amps::write_convergence(convergence, result.report.optimization);
     write_file(arguments.text("--convergence"), convergence.str());
   }
+  watch.finish();
   const double seconds_write = write.seconds();
 
   const amps::RemeshReport& report = result.report;
@@ -200,13 +195,18 @@ int run_gaps(const Arguments& arguments) {
   if (arguments.operands() > 2) require_mesh_output(arguments, arguments.operand(2));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
   const unsigned threads = threads_of(arguments);
-  const amps::Mesh mesh = load(arguments.operand(0));
-  const amps::SampleSet samples = amps::read_samples(arguments.operand(1));
+  Watch watch(arguments.quiet(), threads);
+  const amps::Mesh mesh = load(arguments.operand(0), watch.execution);
+  const amps::SampleSet samples = amps::read_samples(arguments.operand(1), watch.execution);
   const amps::MaximalityReport report = amps::verify_maximal(mesh, samples, threads);
-  const double area = amps::total_area(mesh);
+  const double area = amps::total_area(mesh, watch.execution);
   if (arguments.operands() > 2 && report.gaps > 0) {
-    amps::write_mesh(arguments.operand(2), amps::find_gaps(mesh, samples, threads).primitives);
+    const amps::GapSet gaps = amps::find_gaps(mesh, samples, threads);
+    amps::write_mesh(arguments.operand(2), gaps.primitives, {}, watch.execution);
+  } else {
+    watch.check();
   }
+  watch.finish();
 
   Json json = begin_json("gaps");
   json.add("samples", samples.size()).add("surface_area", area);
@@ -232,14 +232,18 @@ int run_gaps(const Arguments& arguments) {
 int run_info(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
   const bool compare = arguments.has("--reference");
+  Watch watch(arguments.quiet(), threads_of(arguments));
   amps::DistanceOptions options;
-  options.execution.threads = threads_of(arguments);
-  const amps::Mesh mesh = compare ? load(arguments.operand(0)) : amps::read_mesh(arguments.operand(0));
-  const amps::MeshReport report = amps::check(mesh);
+  options.execution = watch.execution;
+  const amps::Mesh mesh =
+      compare ? load(arguments.operand(0), watch.execution) : amps::read_mesh(arguments.operand(0), watch.execution);
+  const amps::MeshReport report = amps::check(mesh, watch.execution);
   const amps::TopologyReport& shape = report.topology;
-  const amps::QualityReport quality = report.usable() ? amps::quality(mesh) : amps::QualityReport();
+  const amps::QualityReport quality = report.usable() ? amps::quality(mesh, watch.execution) : amps::QualityReport();
   amps::DistanceReport distance;
-  if (compare) distance = amps::surface_distance(load(arguments.text("--reference")), mesh, options);
+  if (compare) distance = amps::surface_distance(load(arguments.text("--reference"), watch.execution), mesh, options);
+  watch.check();
+  watch.finish();
 
   Json json = begin_json("info");
   json.add("usable", report.usable())
@@ -320,8 +324,10 @@ int run_make(const Arguments& arguments) {
   constexpr std::uint64_t kMostTriangles = 100000000;
   const auto n = static_cast<double>(arguments.whole("--n", kDefaultTriangles, 1, kMostTriangles));
   require_mesh_output(arguments, arguments.operand(1));
+  Watch watch(arguments.quiet(), 1);
   const amps::Mesh mesh = make_shape(arguments, arguments.operand(0), n);
-  amps::write_mesh(arguments.operand(1), mesh);
+  amps::write_mesh(arguments.operand(1), mesh, {}, watch.execution);
+  watch.finish();
   const Table table(arguments.quiet());
   table.row("vertices", std::to_string(mesh.vertices.rows()));
   table.row("triangles", std::to_string(mesh.triangles.rows()));
@@ -337,14 +343,17 @@ int run_render(const Arguments& arguments) {
   options.smooth = arguments.has("--smooth");
   options.edges = !arguments.has("--no-edges");
   options.z_up = arguments.has("--z-up");
-  options.threads = threads_of(arguments);
   std::string extension = fs::path(arguments.operand(1)).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
   if (extension != ".png") throw arguments.error("cannot draw " + arguments.operand(1) + ": name a .png file");
   require_writable(arguments, arguments.operand(1));
-  const amps::Mesh mesh = load(arguments.operand(0));
-  write_file(arguments.operand(1), render::encode_png(render::draw(mesh, options)));
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  options.execution = watch.execution;
+  const amps::Mesh mesh = load(arguments.operand(0), watch.execution);
+  const render::Image image = render::draw(mesh, options);
+  write_file(arguments.operand(1), render::encode_png(image, watch.execution));
+  watch.finish();
   return kExitDone;
 }
 
@@ -491,13 +500,18 @@ int complain(std::string message) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  const auto interruption = [] {
+    std::fprintf(stderr, "amps: interrupted, nothing is written\n");
+    return kExitInterrupted;
+  };
   try {
     const int code = run({argv + 1, argv + argc});
     if (std::fflush(stdout) != 0) return complain("cannot write to the standard output");
     return code;
   } catch (const Interrupted&) {
-    std::fprintf(stderr, "amps: interrupted, nothing is written\n");
-    return kExitInterrupted;
+    return interruption();
+  } catch (const amps::Error& error) {
+    return error.code() == amps::ErrorCode::kCancelled ? interruption() : complain(error.what());
   } catch (const std::bad_alloc&) {
     return complain("out of memory; use a larger radius or fewer vertices");
   } catch (const std::exception& error) {

@@ -43,10 +43,10 @@ inline void write_file(const fs::path& path, const std::string& bytes) {
 }
 
 /// Reads a mesh that can be sampled; errors name the file.
-inline amps::Mesh load(const fs::path& path) {
-  amps::Mesh mesh = amps::read_mesh(path);
+inline amps::Mesh load(const fs::path& path, const amps::Execution& execution) {
+  amps::Mesh mesh = amps::read_mesh(path, execution);
   try {
-    amps::require_usable(mesh);
+    amps::require_usable(mesh, execution);
   } catch (const amps::Error& error) {
     throw amps::Error(error.code(), path.string() + ": " + error.what());
   }

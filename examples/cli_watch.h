@@ -42,30 +42,36 @@ inline bool stderr_is_terminal() {
 #endif
 }
 
-/// While it lives, SIGINT cancels `progress` and a terminal shows a bar.
+/// Until finish(), SIGINT cancels whatever runs under `execution`, and a terminal shows a bar.
 class Watch {
  public:
-  explicit Watch(bool quiet) : bar_(!quiet && stderr_is_terminal()) {
+  Watch(bool quiet, unsigned threads) : bar_(!quiet && stderr_is_terminal()) {
     previous_ = std::signal(SIGINT, on_interrupt);
     if (previous_ == SIG_IGN) std::signal(SIGINT, SIG_IGN);  // as in the background of a script
-    progress = amps::Progress([this](const char* stage, double fraction) {
+    execution.threads = threads;
+    execution.progress = amps::Progress([this](const char* stage, double fraction) {
       if (bar_) draw(stage, fraction);
       return interrupted == 0;
     });
   }
-  ~Watch() {
-    if (drawn_) std::fprintf(stderr, "\r%*s\r", kWidth + 40, "");
-    std::signal(SIGINT, previous_);
-  }
+  ~Watch() { finish(); }
   Watch(const Watch&) = delete;
   Watch& operator=(const Watch&) = delete;
 
   /// Throws if the user, and not the work, ended it.
-  void check(amps::Outcome status) const {
+  void check(amps::Outcome status = amps::Outcome::kDone) const {
     if (interrupted != 0 || status == amps::Outcome::kCancelled) throw Interrupted();
   }
 
-  amps::Progress progress;
+  /// The bar goes, and SIGINT does what it did before.
+  void finish() {
+    if (finished_) return;
+    finished_ = true;
+    if (drawn_) std::fprintf(stderr, "\r%*s\r", kWidth + 40, "");
+    std::signal(SIGINT, previous_);
+  }
+
+  amps::Execution execution;
 
  private:
   static constexpr int kWidth = 40;
@@ -83,6 +89,7 @@ class Watch {
 
   bool bar_;
   bool drawn_ = false;
+  bool finished_ = false;
   void (*previous_)(int) = SIG_DFL;
   Stopwatch last_;
 };
