@@ -161,7 +161,7 @@ Vec3 density_barycentric(const std::array<double, 3>& radii, Rng& rng) {
 namespace {
 
 std::vector<double> dart_weights(const MeshView& mesh, const WantedRadii& radii, const Execution& execution) {
-  if (radii.constant()) return facet_areas(mesh);
+  if (radii.constant()) return facet_areas(mesh, execution);
   std::vector<double> result(radii.field().num_pieces());
   for_each_piece(result.size(), kElementsPerLook, execution, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) result[i] = radii.field().density_integral(i);
