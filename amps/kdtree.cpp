@@ -130,7 +130,7 @@ struct KdTree::Impl {
   }
 
   /// A cancel leaves nanoflann's constructor as an exception; it owns its nodes by then.
-  Impl(const PointsView& view, detail::Ticker ticker)
+  Impl(const PointsView& view, detail::Ticker&& ticker)
       : points{coordinates_of(view), &ticker}, index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(10)) {
     points.building = nullptr;
   }

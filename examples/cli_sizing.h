@@ -84,22 +84,25 @@ inline amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& 
 }
 
 inline amps::SizingField make_sizing(const SizingRequest& request, const amps::Mesh& mesh, const amps::Execution& execution) {
-  constexpr double kErrorScale = 1e-3;  // of the diagonal; any: the field is scaled
+  constexpr double kShareOfMaking = 0.8;  // of the time; the rest is scaling or limiting
+  constexpr double kErrorScale = 1e-3;    // of the diagonal; any: the field is scaled
   amps::SizingField field;
   if (request.kind == "uniform") return field;
+  const amps::Execution making = execution.part(0, kShareOfMaking);
   if (request.kind == "lfs") {
-    field = amps::lfs_sizing(mesh, {}, execution);
+    field = amps::lfs_sizing(mesh, {}, making);
   } else if (request.kind == "curvature") {
     amps::CurvatureOptions options;
     options.max_error = request.error > 0 ? request.error : kErrorScale * amps::bounding_box(mesh).diagonal();
-    field = amps::curvature_sizing(mesh, options, execution);
+    field = amps::curvature_sizing(mesh, options, making);
   } else {
-    field = file_sizing(mesh, request.kind, execution);
+    field = file_sizing(mesh, request.kind, making);
   }
-  if (request.count > 0) return amps::for_count(field.with_ratio(), request.count, request.gradation, execution);
+  const amps::Execution rest = execution.part(kShareOfMaking, 1);
+  if (request.count > 0) return amps::for_count(field.with_ratio(), request.count, request.gradation, rest);
   if (request.least > 0 || request.greatest > 0) {
     const double least = request.least > 0 ? request.least : request.greatest / amps::kDefaultRatio;
     field = field.clamped(least, request.greatest > 0 ? request.greatest : amps::kDefaultRatio * least);
   }
-  return field.limited(request.gradation, execution);
+  return field.limited(request.gradation, rest);
 }
