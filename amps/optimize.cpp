@@ -452,8 +452,6 @@ class Optimizer {
         report.iterations.push_back(last);
         status = Outcome::kCancelled;
       }
-    } else {
-      bad_items(execution_.without_progress());
     }
     report.status = status;
     const EditableSamples& samples = state_.samples;
@@ -484,8 +482,7 @@ class Optimizer {
     OptimizeIteration line;
     AngleRange range;
     // Reports of 0 tell nothing new; they look for a cancel.
-    if (measure_all || (state_.report.iterations.empty() && !execution_.cancelled()))
-      range = angles_of_all(state_, execution.part(0, measure_all ? 1 : 0));
+    if (measure_all || state_.report.iterations.empty()) range = angles_of_all(state_, execution.part(0, measure_all ? 1 : 0));
     for (Index s = 0; s < samples.size(); ++s) {
       if (slot(s) % kEntriesPerLook == 0) execution.report(0);
       if (!samples.alive(s)) continue;

@@ -48,12 +48,12 @@ struct OptimizeOptions {
   Execution execution;
 };
 
-/// The state before an iteration, and one more at the end.
+/// The state before an iteration, and, unless cancelled, one more at the end.
 struct OptimizeIteration {
   Index bad_triangles = 0;  ///< 0 if angles are not asked for
   Index bad_vertices = 0;   ///< 0 if valences are not asked for
   double min_angle =
-      0;  ///< degrees, over bad triangles, over all in the first line and the last; 0 if none, or cancelled before
+      0;  ///< degrees, over bad triangles, over all in the first line and the last; 0 if there is none
   double max_angle = 0;
   Index samples = 0;
   /// What is lowered: degrees out of bounds to first order (half of those above), 0.25 for each angle below and 0.5 for each

@@ -82,10 +82,11 @@ TEST_CASE("optimize: cancelled, it returns the state it had") {
         continue;
       }
       check_result(set, result);
-      CHECK(result.report.iterations.size() <= whole.report.iterations.size() + 1);
-      if (calls == calls_in_all / 2) {
-        CHECK(result.report.iterations.back().energy < result.report.iterations.front().energy);
+      CHECK(result.report.iterations.size() <= whole.report.iterations.size());
+      for (std::size_t k = 0; k < result.report.iterations.size(); ++k) {
+        CHECK(same_line(result.report.iterations[k], whole.report.iterations[k]));
       }
+      if (calls == calls_in_all / 2) CHECK(result.report.accepted > 0);
     }
     // Watching changes nothing.
     watch(options, [](const char*, double) { return true; });
