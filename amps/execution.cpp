@@ -90,7 +90,8 @@ void Progress::begin() const noexcept {
   state_->stage.store("", std::memory_order_relaxed);
 }
 
-/// Raises the fraction to `fraction` and calls back where that is due. Returns false if the job should stop.
+/// Raises the fraction to `fraction` and calls back where that is due. Returns false if the job should stop. Without a stage
+/// (null) that of before stays.
 bool Progress::publish(const char* stage, double fraction) const {
   State& state = *state_;
   if (cancelled()) return false;
@@ -98,8 +99,8 @@ bool Progress::publish(const char* stage, double fraction) const {
   while (before < fraction && !state.fraction.compare_exchange_weak(before, fraction, std::memory_order_relaxed)) {
   }
   const bool complete = before < 1 && fraction >= 1;
-  const bool new_stage =
-      state.stage.load(std::memory_order_relaxed) != stage && state.stage.exchange(stage, std::memory_order_relaxed) != stage;
+  const bool new_stage = stage != nullptr && state.stage.load(std::memory_order_relaxed) != stage &&
+                         state.stage.exchange(stage, std::memory_order_relaxed) != stage;
   if (!state.callback) return true;
   if (state.caller.load(std::memory_order_relaxed) == std::this_thread::get_id()) return true;  // a report from the callback
 
@@ -264,6 +265,13 @@ Execution Execution::without_progress() const {
   return unseen;
 }
 
+Execution Execution::on_one_thread() const {
+  Execution alone = *this;
+  alone.threads = 1;
+  alone.executor = nullptr;
+  return alone;
+}
+
 /// Never outside the range, whatever rounding does, and exactly at its end for 1.
 double Execution::overall(double fraction) const noexcept {
   if (fraction >= 1) return to_;
@@ -275,10 +283,10 @@ void Execution::check() const {
 }
 
 void Execution::report(double fraction) const {
-  if (!progress.publish(stage_ ? stage_ : "", overall(fraction))) detail::throw_cancelled(progress.stage());
+  if (!progress.publish(stage_, overall(fraction))) detail::throw_cancelled(progress.stage());
 }
 
-void Execution::finish() const { progress.publish(stage_ ? stage_ : "", to_); }
+void Execution::finish() const { progress.publish(stage_, to_); }
 
 void parallel_for(std::size_t n, std::size_t grain, const Execution& execution,
                   const std::function<void(std::size_t, std::size_t)>& body) {

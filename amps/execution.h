@@ -18,12 +18,14 @@
 
 #include "amps/base.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <utility>
+#include <vector>
 
 namespace amps {
 
@@ -132,6 +134,9 @@ class Execution {
   /// The same threads, but nobody watches and nobody can cancel: for what has to be done after a cancel. Keep it short.
   [[nodiscard]] Execution without_progress() const;
 
+  /// The same on the caller's thread alone, also with an executor: for calls that are not worth several.
+  [[nodiscard]] Execution on_one_thread() const;
+
   bool cancelled() const noexcept { return progress.cancelled(); }
 
   /// Throws Error(kCancelled) if the job is cancelled. A few nanoseconds; to be called every few milliseconds.
@@ -164,6 +169,52 @@ void parallel_for(std::size_t n, std::size_t grain, const Execution& execution,
                   const std::function<void(std::size_t begin, std::size_t end)>& body);
 
 namespace detail {
+
+/// Runs body(begin, end) over consecutive pieces of [0, n) of `grain` elements each, on this thread, and reports after each:
+/// for loops whose elements take so little that a Ticker would be dear.
+template <class Body>
+void for_each_piece(std::size_t n, std::size_t grain, const Execution& execution, const Body& body) {
+  for (std::size_t begin = 0; begin < n;) {
+    const std::size_t end = n - begin > grain ? begin + grain : n;
+    body(begin, end);
+    begin = end;
+    execution.report(static_cast<double>(end) / static_cast<double>(n));
+  }
+}
+
+/// Elements of a piece for such loops: up to 100 ns each, in a few milliseconds.
+inline constexpr std::size_t kElementsPerLook = std::size_t{1} << 15;
+
+/// The same with body(i) for each i in [0, n), elements of up to 100 ns.
+template <class Integer, class Body>
+void for_each_index(Integer n, const Execution& execution, const Body& body) {
+  for_each_piece(static_cast<std::size_t>(n), kElementsPerLook, execution, [&body](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) body(static_cast<Integer>(i));
+  });
+}
+
+/// values.resize(n, value), with looks between: fresh memory takes some 0.3 ms a megabyte.
+template <class T>
+void resize_watched(std::vector<T>& values, std::size_t n, const T& value, const Execution& execution) {
+  constexpr std::size_t kPerPiece = (std::size_t{1} << 22) / sizeof(T);
+  values.reserve(n);
+  while (values.size() < n) {
+    execution.report(0);
+    values.resize(std::min(n, values.size() + kPerPiece), value);
+  }
+}
+
+/// Runs `work`; false if it ended because it was cancelled.
+template <class Work>
+bool completes(const Work& work) {
+  try {
+    work();
+    return true;
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kCancelled) throw;
+    return false;
+  }
+}
 
 /// Reports progress of a serial loop over `total` units of work, and looks for a cancel, every `units_per_look` units. tick()
 /// throws as Execution::check() does.
