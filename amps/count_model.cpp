@@ -21,9 +21,11 @@ constexpr double kMaxPartAtBoundary = 0.3;
 constexpr double kLostToGradient = 0.07;
 
 /// ∫|∇r| dA/r².
-double gradient_integral(const MeshView& mesh, const SizingField& field) {
+double gradient_integral(const MeshView& mesh, const SizingField& field, const Execution& execution) {
   double sum = 0;
+  Ticker ticker(execution, field.num_pieces(), kElementsPerLook);
   for (std::size_t i = 0; i < field.num_pieces(); ++i) {
+    ticker.tick();
     const SizingField::Piece piece = field.piece(i);
     std::array<Vec3, 3> x;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -62,10 +64,10 @@ double boundary_integral(const MeshView& mesh, const SizingField& field) {
 
 }  // namespace
 
-CountModel::CountModel(const MeshView& mesh, const SizingField& field, Index target)
+CountModel::CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution)
     : target_(target), inner_(kSamplesPerDensity * (field.empty() ? total_area(mesh) : field.density_integral())) {
   border_ = std::min(kSamplesPerBoundary * boundary_integral(mesh, field), kMaxPartAtBoundary * std::sqrt(target_ * inner_));
-  if (!field.empty()) border_ -= kLostToGradient * kSamplesPerDensity * gradient_integral(mesh, field);
+  if (!field.empty()) border_ -= kLostToGradient * kSamplesPerDensity * gradient_integral(mesh, field, execution.part(0.5, 1));
 }
 
 double CountModel::scale() const {

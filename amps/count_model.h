@@ -2,6 +2,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/sizing.h"
 
@@ -12,8 +13,9 @@ namespace amps::detail {
 /// factor learns from the runs; it starts as on most real models (measured: tests/bench/README.md).
 class CountModel {
  public:
-  /// For a field, or radius 1 everywhere if it is empty. target ≥ 1. O(#V + #F + #pieces).
-  CountModel(const MeshView& mesh, const SizingField& field, Index target);
+  /// For a field, or radius 1 everywhere if it is empty. target ≥ 1. O(#V + #F + #pieces). Cancelled, it throws
+  /// Error(kCancelled).
+  CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution = {});
 
   /// The factor on the radii that makes the wanted number.
   double scale() const;

@@ -9,7 +9,7 @@
 
 namespace amps::detail {
 
-AliasTable::AliasTable(const std::vector<double>& weights) : entries_(weights.size()) {
+AliasTable::AliasTable(const std::vector<double>& weights, const Execution& execution) : entries_(weights.size()) {
   const std::size_t n = weights.size();
   double largest = 0;
   for (std::size_t i = 0; i < n; ++i) {
@@ -27,11 +27,15 @@ AliasTable::AliasTable(const std::vector<double>& weights) : entries_(weights.si
   const double to_mean = static_cast<double>(n) / sum;
   std::vector<double> mass(n);
   std::vector<Index> light, heavy;
-  for (std::size_t i = 0; i < n; ++i) {
-    mass[i] = weights[i] / largest * to_mean;
-    (mass[i] < 1 ? light : heavy).push_back(static_cast<Index>(i));
-  }
+  for_each_piece(n, kElementsPerLook, execution.part(0, 0.4), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      mass[i] = weights[i] / largest * to_mean;
+      (mass[i] < 1 ? light : heavy).push_back(static_cast<Index>(i));
+    }
+  });
+  Ticker ticker(execution.part(0.4, 1), n, kElementsPerLook);
   while (!light.empty() && !heavy.empty()) {  // fill the column of a light entry up with mass of a heavy one
+    ticker.tick();
     const auto i = static_cast<std::size_t>(light.back());
     const auto j = static_cast<std::size_t>(heavy.back());
     light.pop_back();
@@ -156,17 +160,24 @@ Vec3 density_barycentric(const std::array<double, 3>& radii, Rng& rng) {
 
 namespace {
 
-std::vector<double> dart_weights(const MeshView& mesh, const WantedRadii& radii) {
+std::vector<double> dart_weights(const MeshView& mesh, const WantedRadii& radii, const Execution& execution) {
   if (radii.constant()) return facet_areas(mesh);
   std::vector<double> result(radii.field().num_pieces());
-  for (std::size_t i = 0; i < result.size(); ++i) result[i] = radii.field().density_integral(i);
+  for_each_piece(result.size(), kElementsPerLook, execution, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) result[i] = radii.field().density_integral(i);
+  });
   return result;
+}
+
+AliasTable dart_table(const MeshView& mesh, const WantedRadii& radii, const Execution& execution) {
+  const std::vector<double> weights = dart_weights(mesh, radii, execution.part(0, 0.5));
+  return AliasTable(weights, execution.part(0.5, 1));
 }
 
 }  // namespace
 
-SurfaceDarts::SurfaceDarts(const MeshView& mesh, const WantedRadii& radii)
-    : mesh_(mesh), radii_(radii), table_(dart_weights(mesh, radii)) {}
+SurfaceDarts::SurfaceDarts(const MeshView& mesh, const WantedRadii& radii, const Execution& execution)
+    : mesh_(mesh), radii_(radii), table_(dart_table(mesh, radii, execution)) {}
 
 Sample SurfaceDarts::draw(Rng& rng) const {
   const Index drawn = table_.pick(rng);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/wanted_radii.h"
 
@@ -15,8 +16,9 @@ namespace amps::detail {
 /// 1991). The same table on every platform. Entries of weight 0 are never drawn.
 class AliasTable {
  public:
-  /// Throws Error(kInvalidArgument) if a weight is negative, NaN or infinite, or if none is positive. O(n).
-  explicit AliasTable(const std::vector<double>& weights);
+  /// Throws Error(kInvalidArgument) if a weight is negative, NaN or infinite, or if none is positive;
+  /// kCancelled. O(n).
+  explicit AliasTable(const std::vector<double>& weights, const Execution& execution = {});
 
   /// Two draws of `rng`.
   Index pick(Rng& rng) const noexcept;
@@ -36,8 +38,8 @@ Vec3 density_barycentric(const std::array<double, 3>& radii, Rng& rng);
 /// Samples to be, independent of each other: points of density exactly ∝ 1/r², with the radius wanted there.
 class SurfaceDarts {
  public:
-  /// Both must outlive it. O(#F), or the pieces of the field.
-  SurfaceDarts(const MeshView& mesh, const WantedRadii& radii);
+  /// Both must outlive it. O(#F), or the pieces of the field. Cancelled, it throws Error(kCancelled).
+  SurfaceDarts(const MeshView& mesh, const WantedRadii& radii, const Execution& execution = {});
   Sample draw(Rng& rng) const;
 
  private:

@@ -101,7 +101,8 @@ bool Progress::publish(const char* stage, double fraction) const {
   const bool complete = before < 1 && fraction >= 1;
   const bool new_stage = stage != nullptr && state.stage.load(std::memory_order_relaxed) != stage &&
                          state.stage.exchange(stage, std::memory_order_relaxed) != stage;
-  if (!state.callback) return true;
+  const bool nameless = *state.stage.load(std::memory_order_relaxed) == '\0';  // the first stage is about to begin
+  if (!state.callback || (nameless && !complete)) return true;
   if (state.caller.load(std::memory_order_relaxed) == std::this_thread::get_id()) return true;  // a report from the callback
 
   std::unique_lock<std::mutex> lock(state.calling, std::defer_lock);

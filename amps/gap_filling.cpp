@@ -21,7 +21,7 @@ constexpr double kSeparationSlack = 1e-10;
 /// 1024 make 0.4 % more, and so do stretches scattered in space (tests/bench/README.md).
 constexpr std::size_t kFragmentsAtATime = 16384;
 
-/// Gaps between two looks at Progress: some milliseconds.
+/// Gaps between two looks for a cancel: some milliseconds.
 constexpr Index kGapsPerReport = 256;
 
 }  // namespace
@@ -75,20 +75,32 @@ Index GapFiller::leaf(Index f) {
   return result;
 }
 
-void GapFiller::look_at_all() {
+void GapFiller::look_at_all(const Execution& execution) {
   std::vector<Index> sites;
   std::vector<Vec3> positions;
-  for (Index s = 0; s < diagram_.num_sites(); ++s) {
-    if (diagram_.removed(s)) continue;
-    sites.push_back(s);
-    positions.push_back(diagram_.site(s).position());
-  }
-  for (const Index k : curve_order(positions)) {
-    for (Index f = diagram_.first_of_site(sites[slot(k)]); f != kNone; f = diagram_.next_of_site(f)) leaf(f);
-  }
-  for (Index f = 0; f < diagram_.fragment_capacity(); ++f) {
-    if (diagram_.alive(f)) refresh(f);
-  }
+  sites.reserve(slot(diagram_.num_sites()));
+  positions.reserve(sites.capacity());
+  for_each_piece(sites.capacity(), kElementsPerLook, execution.part(0, 0.05), [&](std::size_t begin, std::size_t end) {
+    for (Index s = static_cast<Index>(begin); s < static_cast<Index>(end); ++s) {
+      if (diagram_.removed(s)) continue;
+      sites.push_back(s);
+      positions.push_back(diagram_.site(s).position());
+    }
+  });
+  const std::vector<Index> order = curve_order(positions, execution.part(0.05, 0.25));
+  for_each_piece(order.size(), kElementsPerLook, execution.part(0.25, 0.4), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      for (Index f = diagram_.first_of_site(sites[slot(order[k])]); f != kNone; f = diagram_.next_of_site(f)) leaf(f);
+    }
+  });
+  gaps_.grow(slot(diagram_.num_fragments()));
+  constexpr std::size_t kFragmentsPerPiece = 4096;
+  const auto n = slot(diagram_.fragment_capacity());
+  for_each_piece(n, kFragmentsPerPiece, execution.part(0.4, 1), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) {
+      if (diagram_.alive(static_cast<Index>(f))) refresh(static_cast<Index>(f));
+    }
+  });
 }
 
 void GapFiller::look_at(const std::vector<Index>& fragments) {
@@ -132,9 +144,9 @@ GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& e
   const double at_start = gaps_.total();
   double done = 0;  // ρ in the middle of what is left of a fragment may rise
   while (has_gaps()) {
-    if (limits.progress != nullptr && (result.samples + result.unfilled) % kGapsPerReport == 0) {
+    if (limits.execution != nullptr && (result.samples + result.unfilled) % kGapsPerReport == 0) {
       done = std::max(done, 1 - std::min(1.0, gaps_.total() / at_start));
-      if (!limits.progress->report("gap filling", done)) {
+      if (!completes([&] { limits.execution->report(done); })) {
         result.end = GapFilling::End::kCancelled;
         return result;
       }

@@ -7,6 +7,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/gaps.h"
 #include "amps/power_diagram.h"
 #include "amps/samples.h"
@@ -26,6 +27,9 @@ class SumTree {
  public:
   double total() const { return nodes_.empty() ? 0.0 : nodes_[1]; }
 
+  /// Room for so many weights, of which set() otherwise makes more when it needs it.
+  void grow(std::size_t wanted);
+
   /// i ≥ 0; weights not set are 0.
   void set(Index i, double weight);
 
@@ -34,8 +38,6 @@ class SumTree {
   Index pick(double u, std::size_t stretch) const;
 
  private:
-  void grow(std::size_t wanted);
-
   std::vector<double> nodes_;  ///< children of node i: 2i and 2i + 1; leaves last
   std::size_t leaves_ = 0;
 };
@@ -43,7 +45,7 @@ class SumTree {
 /// When to stop before all gaps are filled.
 struct GapFillLimits {
   Index max_samples = std::numeric_limits<Index>::max();
-  const Progress* progress = nullptr;
+  const Execution* execution = nullptr;  ///< whom to tell, who may cancel; null: nobody
 };
 
 /// What came of it.
@@ -68,8 +70,8 @@ class GapFiller {
   GapFiller(const RestrictedPowerDiagram& diagram, const VoxelGrid& grid, const WantedRadii& radii)
       : diagram_(diagram), grid_(grid), radii_(radii) {}
 
-  /// O(n log n), with nothing looked at before.
-  void look_at_all();
+  /// O(n log n), with nothing looked at before. Cancelled, it throws Error(kCancelled).
+  void look_at_all(const Execution& execution = {});
   /// Slots of fragments, alive or not, in any order. O(log n) each.
   void look_at(const std::vector<Index>& fragments);
   /// As if nothing had been looked at. O(what was looked at).

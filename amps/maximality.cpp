@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numeric>
 #include <ostream>
 #include <utility>
@@ -15,6 +16,11 @@
 namespace amps {
 namespace detail {
 namespace {
+
+/// Of a loop that takes 100 ns a fragment, and some µs for one with a gap.
+constexpr std::uint64_t kFragmentsPerLook = 2048;
+/// Of a loop that takes up to 1 µs a sample.
+constexpr std::uint64_t kSamplesPerLook = 4096;
 
 /// min over all pairs of |p_i − p_j| over the larger radius, or over the smaller one.
 ///
@@ -31,10 +37,10 @@ class SeparationMeasure {
  public:
   SeparationMeasure(const RestrictedPowerDiagram& diagram, ConflictRule rule) : diagram_(diagram), rule_(rule) {}
 
-  double worst() {
-    look_at_neighbors();
+  double worst(const Execution& execution) {
+    look_at_neighbors(execution.part(0, 0.5));
     const bool known = all_visible_ && ((rule_ == ConflictRule::kMax && neighbors_apart_) || min_weight_ == max_weight_);
-    if (!known) look_at_all_pairs();
+    if (!known) look_at_all_pairs(execution.part(0.5, 1));
     return best_;
   }
 
@@ -43,9 +49,11 @@ class SeparationMeasure {
     return (p.position() - q.position()).norm() / std::sqrt(kept_apart(rule_, p.w, q.w));
   }
 
-  void look_at_neighbors() {
-    const RegularTriangulation::Adjacency around = diagram_.adjacency();
+  void look_at_neighbors(const Execution& execution) {
+    const RegularTriangulation::Adjacency around = diagram_.adjacency(execution.part(0, 0.7));
+    Ticker ticker(execution.part(0.7, 1), slot(diagram_.num_sites()), kSamplesPerLook);
     for (Index i = 0; i < diagram_.num_sites(); ++i) {
+      ticker.tick();
       if (diagram_.removed(i)) continue;
       const WeightedPoint& p = diagram_.site(i);
       min_weight_ = std::min(min_weight_, p.w);
@@ -65,7 +73,7 @@ class SeparationMeasure {
   }
 
   /// Each pair is seen from the disk that counts, within the best ratio so far.
-  void look_at_all_pairs() {
+  void look_at_all_pairs(const Execution& execution) {
     std::vector<WeightedPoint> sites;
     for (Index i = 0; i < diagram_.num_sites(); ++i) {
       if (!diagram_.removed(i)) sites.push_back(diagram_.site(i));
@@ -73,7 +81,9 @@ class SeparationMeasure {
     const auto n = static_cast<Index>(sites.size());
     const KdTree tree(PointsView(&sites.data()->x, n, sizeof(WeightedPoint)));
     std::vector<KdTree::Neighbor> found;
+    Ticker ticker(execution, sites.size());
     for (Index i = 0; i < n; ++i) {
+      ticker.tick();
       const WeightedPoint& p = sites[slot(i)];
       // The bound's own rounding must not lose the pair that set it.
       const double reach = std::min(best_, 1e150) * std::sqrt(p.w) * (1 + 1e-12);
@@ -95,15 +105,20 @@ class SeparationMeasure {
 
 }  // namespace
 
-RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, unsigned threads) {
+RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, const Execution& execution) {
   require_sample_set(samples);
-  return {mesh, samples.positions, weights_of(samples.radii), threads};
+  RestrictedPowerDiagram diagram(mesh, samples.positions, weights_of(samples.radii), execution);
+  if (diagram.status() == Outcome::kCancelled) execution.check();
+  return diagram;
 }
 
-MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule) {
+MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution) {
+  const Execution run = execution.start("checking coverage and distances");
   MaximalityReport report;
   FragmentGap gap;
+  Ticker ticker(run.part(0, 0.4), slot(diagram.fragment_capacity()), kFragmentsPerLook);
   for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+    ticker.tick();
     if (!diagram.alive(f)) continue;
     const auto polygon = diagram.polygon(f);
     const WeightedPoint& site = diagram.site(polygon.site);
@@ -115,22 +130,30 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
     report.gap_area += gap.assign(diagram, polygon);
   }
   report.worst_coverage = std::sqrt(report.worst_coverage);
-  report.worst_separation = SeparationMeasure(diagram, rule).worst();
+  report.worst_separation = SeparationMeasure(diagram, rule).worst(run.part(0.4, 1));
+  run.finish();
   return report;
 }
 
 }  // namespace detail
 
-MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads, ConflictRule rule) {
-  return detail::measure_maximality(detail::diagram_of(mesh, samples, threads), rule);
+MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution, ConflictRule rule) {
+  const Execution run = execution.start();
+  const RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, run.part(0, 0.85));
+  const MaximalityReport report = detail::measure_maximality(diagram, rule, run.part(0.85, 1));
+  run.finish();
+  return report;
 }
 
-GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned threads) {
-  const RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, threads);
+GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution) {
+  const Execution run = execution.start();
+  const RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, run.part(0, 0.9));
+  detail::Ticker ticker(run.part(0.9, 1, "listing gaps"), detail::slot(diagram.fragment_capacity()), detail::kFragmentsPerLook);
   detail::FragmentGap gap;
   GapSet result;
   std::vector<double> corners;
   for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+    ticker.tick();
     const auto polygon = diagram.polygon(f);
     if (!diagram.alive(f) || diagram.covered(polygon)) continue;
     ++result.gaps;
@@ -143,6 +166,7 @@ GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned thread
   std::vector<Index> rows(3 * result.facets.size());
   std::iota(rows.begin(), rows.end(), Index{0});
   result.primitives = {Points(std::move(corners)), Triangles(std::move(rows))};
+  run.finish();
   return result;
 }
 

@@ -7,6 +7,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
 #include "amps/samples.h"
@@ -29,8 +30,8 @@ struct MaximalityReport {
   bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
 };
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
-/// barycentrics are given but not one a sample; kInvalidMesh.
-MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1,
+/// barycentrics are given but not one a sample; kInvalidMesh; kCancelled, as find_gaps().
+MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
                                 ConflictRule rule = ConflictRule::kMax);
 std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
 
@@ -42,13 +43,14 @@ struct GapSet {
   Index gaps = 0;             ///< uncovered fragments
   double area = 0;            ///< exact uncovered area (less than that of the primitives)
 };
-GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
+GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {});
 
 namespace detail {
 
 /// Throws what verify_maximal documents.
-RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, unsigned threads);
-MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule = ConflictRule::kMax);
+RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, const Execution& execution);
+MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule = ConflictRule::kMax,
+                                    const Execution& execution = {});
 
 }  // namespace detail
 

@@ -57,6 +57,8 @@ constexpr std::size_t kItemsPerBatch = 32;
 constexpr std::size_t kItemsPerTask = 8;
 /// Stars a thread reads at a time.
 constexpr std::size_t kStarsPerTask = 1024;
+/// Samples between two looks for a cancel, in loops that take up to 1 µs for each.
+constexpr std::uint64_t kSamplesPerLook = 4096;
 /// Refills of the diagram itself, where a patch cannot be copied.
 constexpr int kRefillsInPlace = 8;
 /// Of three such refills one takes out so many neighbours too.
@@ -87,21 +89,24 @@ VoxelGrid grid_for(const MeshView& mesh, const WantedRadii& radii) {
 /// What the parts of the optimiser work on.
 struct OptimizeState {
   OptimizeState(RestrictedPowerDiagram& given, const SampleSet& set, const OptimizeOptions& given_options, double min_angle,
-                double max_angle)
+                double max_angle, const Execution& execution)
       : diagram(given),
         options(given_options),
         rating(options.angles, options.valences, min_angle, max_angle),
         reader(diagram, rating),
         radii(radii_of(options, set)),
-        samples(given, set, grid_for(diagram.mesh(), radii)),
+        samples(given, set, grid_for(diagram.mesh(), radii), execution.part(0, 0.3)),
         rng(options.seed) {
     report.min_angle = min_angle;
     report.max_angle = max_angle;
     const std::size_t n = slot(samples.size());
     stars.resize(n);
-    parallel_for(n, kStarsPerTask, options.threads, [&](std::size_t begin, std::size_t end) {
+    const Execution reading = execution.part(0.3, 1);
+    WorkCounter done(reading, n);
+    parallel_for(n, kStarsPerTask, reading, [&](std::size_t begin, std::size_t end) {
       StarReader own(diagram, rating);
       for (std::size_t s = begin; s < end; ++s) stars.read(own, static_cast<Index>(s));
+      done.add(end - begin);
     });
   }
   OptimizeState(const OptimizeState&) = delete;
@@ -134,14 +139,16 @@ struct OptimizeState {
 };
 
 /// Angles of all triangles.
-AngleRange angles_of_all(OptimizeState& state) {
+AngleRange angles_of_all(OptimizeState& state, const Execution& execution) {
   AngleRange range;
   const EditableSamples& samples = state.samples;
   const std::vector<DualStar>& stars = state.stars.star;
   const auto add = [&](Index a, Index b, Index c) {
     range.add(samples[a].position(), samples[b].position(), samples[c].position());
   };
+  Ticker ticker(execution, slot(samples.size()), kSamplesPerLook);
   for (Index s = 0; s < samples.size(); ++s) {
+    ticker.tick();
     if (!samples.alive(s)) continue;
     const DualStar& star = stars[slot(s)];
     for (int k = 0; k < star.size; ++k) {
@@ -229,10 +236,14 @@ class Refiller {
   }
   void count_edits_in_place_anew() { edits_in_place_ = 0; }
 
+  /// What the edits that were kept have changed in all. (Up to rounding: for telling progress.)
+  double energy_change_of_all() const { return energy_change_of_all_; }
+
   /// Edits kept from now on are added to a series (null: no more).
   void record(EditSeries* series) { series_ = series; }
 
   void undo(EditSeries& series) {
+    energy_change_of_all_ -= series.energy_change;
     for (const Index s : SampleEdit::undo_all(state_.samples, series.changes)) state_.stars.read(state_.reader, s);
   }
 
@@ -314,6 +325,7 @@ class Refiller {
       state_.stars.energy[s] = new_stars_.energy[k];
       state_.stars.star[s] = new_stars_.star[k];
     }
+    energy_change_of_all_ += energy_change_;
     if (series_ == nullptr) return;
     series_->energy_change += energy_change_;
     series_->changes.push_back(std::move(change));
@@ -326,18 +338,68 @@ class Refiller {
   std::vector<std::uint64_t> changed_in_;  ///< the batch that changed a sample's star last
   std::vector<char> copies_mislead_;       ///< by sample: the diagram has shown a refill to be less than a copy promised
   EditSeries* series_ = nullptr;
-  double energy_change_ = 0;
+  double energy_change_ = 0, energy_change_of_all_ = 0;
   DualStars new_stars_;  ///< of samples affected by the present edit
+};
+
+/// How hard bounds are: degrees from those that every maximal set of one radius meets. The upper bounds that go with lower ones
+/// are about so many times as far from 120 as these from 30.
+double tightness_of(double min_angle, double max_angle) {
+  constexpr double kUpperPerLower = 2.4;
+  return std::max(min_angle - 30, (120 - max_angle) / kUpperPerLower);
+}
+
+/// What share of the time is over, from the energy that is left. It falls fast while most of what is bad is improved at the
+/// first visit, and slowly while little is left that resists; measured, the share of the time is near 1 − (share of the
+/// energy)^a, with a from 0.6 at the paper's bounds down to 0.2 at tight ones.
+class TimeEstimate {
+ public:
+  TimeEstimate(double min_angle, double max_angle)
+      : exponent_(std::min(std::max(0.57 - 0.04 * (tightness_of(min_angle, max_angle) - 5), 0.2), 0.57)) {}
+
+  /// `giving_up`: how far it is on the way to give up, in [0, 1].
+  double share(double energy, double giving_up) {
+    if (first_energy_ == 0) first_energy_ = energy;
+    if (!(energy > 0)) return 1;
+    const double by_energy = 1 - std::pow(std::min(1.0, energy / first_energy_), exponent_);
+    return by_energy + (1 - by_energy) * giving_up;
+  }
+
+ private:
+  double exponent_, first_energy_ = 0;
 };
 
 /// The schedule.
 class Optimizer {
  public:
   Optimizer(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options, double min_angle,
-            double max_angle)
-      : state_(diagram, samples, options, min_angle, max_angle), refiller_(state_), num_given_(samples.size()) {}
+            double max_angle, const Execution& execution)
+      : execution_(execution),
+        state_(diagram, samples, options, min_angle, max_angle, execution.part(0, kSetUpShare)),
+        refiller_(state_),
+        estimate_(min_angle, max_angle),
+        num_given_(samples.size()) {}
 
+  /// Cancelled, the state is as good as any before.
   OptimizeReport run() {
+    visiting_ = execution_.part(kSetUpShare, kClosingBegin);
+    Outcome status = Outcome::kCancelled;
+    completes([&] { status = improve_all(); });
+    return end(status);
+  }
+
+  SampleSet samples(std::vector<Index>& ids, const Execution& execution) const {
+    return state_.samples.collect(ids, execution);
+  }
+
+ private:
+  /// Shares of the time at the paper's bounds: stars are read and angles measured before and after all.
+  static constexpr double kSetUpShare = 0.2;
+  static constexpr double kClosingBegin = 0.93;
+
+  const OptimizeOptions& options() const { return state_.options; }
+
+  Outcome improve_all() {
     Outcome status = improve();
     if (status == Outcome::kDone && options().valences) {
       // Vertices of bad valence on edges of more than two triangles come last: mostly there is little to be done, and what it
@@ -349,39 +411,31 @@ class Optimizer {
         const Outcome after = improve();
         if (after != Outcome::kDone) status = after;
         rate_crossings(true);
-        bad_items();
+        bad_items(visiting_);
       }
     }
-    return end(status);
+    return status;
   }
-
-  SampleSet samples(std::vector<Index>& ids) const { return state_.samples.collect(ids); }
-
- private:
-  const OptimizeOptions& options() const { return state_.options; }
 
   /// Visits what is bad until nothing is, or nothing helps.
   Outcome improve() {
     const OptimizeReport& report = state_.report;
     double halved = INFINITY, work_then = 0;
     for (int idle = 0;; ++iteration_) {
-      std::vector<BadItem> items = bad_items();
+      std::vector<BadItem> items = bad_items(visiting_);
       const double energy = report.iterations.back().energy;
       const double work = static_cast<double>(report.trials) + kWorkOfEdit * static_cast<double>(report.edits);
       if (energy <= halved / 2) {
         halved = energy;
         work_then = work;
       }
-      const bool slow = work - work_then > kWorkPerHalving * num_given_;
+      const double slowness = (work - work_then) / (kWorkPerHalving * num_given_);
       if (items.empty()) return Outcome::kDone;
-      if (options().progress.cancelled()) return Outcome::kCancelled;
-      if (idle == kMaxIdleIterations || slow || !refiller_.affords_edits_in_place()) return Outcome::kStalled;
+      if (idle == kMaxIdleIterations || slowness > 1 || !refiller_.affords_edits_in_place()) return Outcome::kStalled;
       if (iteration_ == options().max_iterations) return Outcome::kIterationLimit;
+      giving_up_ = std::max(slowness * slowness, static_cast<double>(idle) / kMaxIdleIterations);
       const std::uint64_t accepted = report.accepted;
-      if (!visit(items)) {
-        bad_items();
-        return Outcome::kCancelled;
-      }
+      visit(items);
       if (report.accepted == accepted && idle >= kIdleBeforeForcing) {
         force_refills(items, std::min(1 + idle / kIdlePerSample, kMaxForcedSamples));
       }
@@ -391,10 +445,19 @@ class Optimizer {
 
   OptimizeReport end(Outcome status) {
     OptimizeReport& report = state_.report;
-    const EditableSamples& samples = state_.samples;
+    if (status != Outcome::kCancelled) {
+      const OptimizeIteration last = report.iterations.back();
+      report.iterations.pop_back();
+      const bool complete = completes([&] { bad_items(execution_.part(kClosingBegin, 0.99), true); });
+      if (!complete) {
+        report.iterations.push_back(last);
+        status = Outcome::kCancelled;
+      }
+    } else {
+      bad_items(execution_.without_progress());
+    }
     report.status = status;
-    report.iterations.pop_back();
-    bad_items(true);
+    const EditableSamples& samples = state_.samples;
     Index left = 0;
     for (Index s = 0; s < samples.size(); ++s) {
       left += samples.alive(s) && !samples.is_new(s);
@@ -409,25 +472,31 @@ class Optimizer {
     state_.reader.rate_crossings(on);
     refiller_.count_edits_in_place_anew();
     state_.report.iterations.pop_back();
+    constexpr Index kStarsPerLook = 1024;
     for (Index s = 0; s < state_.samples.size(); ++s) {
+      if (s % kStarsPerLook == 0) visiting_.report(0);
       if (state_.samples.alive(s) && state_.stars.star[slot(s)].size == 0) state_.stars.read(state_.reader, s);
     }
   }
 
   /// What is bad, and a line of the report. Angles are measured where something is bad, or everywhere.
-  std::vector<BadItem> bad_items(bool measure_all = false) {
+  std::vector<BadItem> bad_items(const Execution& execution, bool measure_all = false) {
     const EditableSamples& samples = state_.samples;
     std::vector<BadItem> items;
     OptimizeIteration line;
     AngleRange range;
-    if (measure_all || state_.report.iterations.empty()) range = angles_of_all(state_);
+    // Reports of 0 tell nothing new; they look for a cancel.
+    if (measure_all || state_.report.iterations.empty()) range = angles_of_all(state_, execution.part(0, measure_all ? 1 : 0));
     for (Index s = 0; s < samples.size(); ++s) {
+      if (slot(s) % kSamplesPerLook == 0) execution.report(0);
       if (!samples.alive(s)) continue;
       ++line.samples;
       line.energy += state_.stars.energy[slot(s)];
       if (state_.stars.energy[slot(s)] > 0) state_.reader.list_bad(s, items);
     }
-    for (const BadItem& item : items) {
+    for (std::size_t k = 0; k < items.size(); ++k) {
+      if (k % kSamplesPerLook == 0) execution.report(0);
+      const BadItem& item = items[k];
       ++(item.is_vertex() ? line.bad_vertices : line.bad_triangles);
       if (!item.is_vertex()) range.add(samples[item.a].position(), samples[item.b].position(), samples[item.c].position());
     }
@@ -435,20 +504,20 @@ class Optimizer {
     line.max_angle = range.max_angle();
     line.seconds = seconds_ += watch_.lap();
     state_.report.iterations.push_back(line);
+    energy_change_then_ = refiller_.energy_change_of_all();
     return items;
   }
 
-  /// Visits items that are sorted by their first corner, in another order. False if cancelled.
-  bool visit(std::vector<BadItem>& items) {
+  /// Visits items that are sorted by their first corner, in another order.
+  void visit(std::vector<BadItem>& items) {
     for (std::size_t begin = 0, end; begin < items.size(); begin = end) {
       for (end = begin + 1; end < items.size() && items[end].a / kIdsPerStretch == items[begin].a / kIdsPerStretch;) ++end;
       for (std::size_t k = end - begin; k > 1; --k) std::swap(items[begin + k - 1], items[begin + state_.rng.below(k)]);
       for (std::size_t first = begin; first < end; first += kItemsPerBatch) {
-        if (!goes_on(first, items.size())) return false;
+        report_progress();
         visit_batch(items.data() + first, std::min(kItemsPerBatch, end - first));
       }
     }
-    return true;
   }
 
   /// Looks at items in parallel, and does what is proposed, in order.
@@ -456,7 +525,7 @@ class Optimizer {
     const std::uint64_t seed = state_.rng.next();
     refiller_.begin_batch();
     std::vector<Proposal> proposals(count);
-    parallel_for(count, kItemsPerTask, options().threads, [&](std::size_t begin, std::size_t end) {
+    parallel_for(count, kItemsPerTask, visiting_, [&](std::size_t begin, std::size_t end) {
       RefillFinder finder = state_.finder();
       for (std::size_t k = begin; k < end; ++k) {
         if (state_.is_current(items[k])) proposals[k] = finder.find(items[k], Rng(scramble(seed + k)));
@@ -465,10 +534,12 @@ class Optimizer {
     for (std::size_t k = 0; k < count; ++k) refiller_.carry_out(items[k], proposals[k]);
   }
 
-  /// Reports progress: `k` of n items in this iteration.
-  bool goes_on(std::size_t k, std::size_t n) const {
-    const double done = iteration_ + static_cast<double>(k) / static_cast<double>(n);
-    return options().progress.report("optimizing", std::min(1.0, done / options().max_iterations));
+  /// Between edits: a cancel ends it here.
+  void report_progress() {
+    state_.samples.compact(visiting_);
+    const double change = refiller_.energy_change_of_all() - energy_change_then_;
+    const double by_iterations = static_cast<double>(iteration_) / options().max_iterations;
+    visiting_.report(std::max(by_iterations, estimate_.share(state_.report.iterations.back().energy + change, giving_up_)));
   }
 
   /// What no refill improves is refilled all the same, of up to `max_more` samples more than usual, and what that has made bad
@@ -477,7 +548,7 @@ class Optimizer {
     const std::size_t n = std::min(std::max(items.size(), kMinForced), kMaxForced);
     const std::uint64_t accepted = state_.report.accepted;
     for (std::size_t k = 0; k < n && (k < items.size() || state_.report.accepted == accepted); ++k) {
-      if (!goes_on(items.size(), items.size())) return;
+      report_progress();
       const BadItem& item = items[k % items.size()];
       if (!state_.is_current(item)) continue;
       force_refill(item, 1 + static_cast<int>(state_.rng.below(static_cast<std::uint64_t>(max_more))));
@@ -522,8 +593,12 @@ class Optimizer {
     return items;
   }
 
+  const Execution& execution_;
+  Execution visiting_;
   OptimizeState state_;
   Refiller refiller_;
+  TimeEstimate estimate_;
+  double energy_change_then_ = 0, giving_up_ = 0;
   const Index num_given_;
   int iteration_ = 0;
   Stopwatch watch_;
@@ -563,9 +638,8 @@ std::pair<double, double> bounds_of(const OptimizeOptions& options, bool uniform
 double expected_growth(const OptimizeOptions& options, bool uniform) {
   // Medians over sphere, bunny and fertility, 8k samples: [30.5, 119], [35, 105], [38, 100], [42, 90], [45, 85].
   constexpr std::array<std::array<double, 2>, 5> kGrowth = {{{0, 0.008}, {5, 0.013}, {8, 0.023}, {12, 0.041}, {15, 0.045}}};
-  constexpr double kUpperPerLower = 2.4;  // the upper bounds above are about so many times as far from 120 as the lower from 30
   const auto [low, high] = bounds_of(options, uniform);
-  const double tightness = std::max(low - 30, (120 - high) / kUpperPerLower);
+  const double tightness = tightness_of(low, high);
   if (!options.angles) return options.valences ? kGrowth[0][1] : 0;
   std::size_t k = 1;
   while (k + 1 < kGrowth.size() && tightness > kGrowth[k][0]) ++k;
@@ -573,8 +647,18 @@ double expected_growth(const OptimizeOptions& options, bool uniform) {
   return kGrowth[k - 1][1] + t * (kGrowth[k][1] - kGrowth[k - 1][1]);
 }
 
-bool has_gaps(const RestrictedPowerDiagram& diagram) {
+double optimization_cost(const OptimizeOptions& options, double samples, bool uniform) {
+  // At the paper's bounds, and how it grows with tightness (seven times at [42, 90]).
+  constexpr double kUsualCost = 9, kMinCost = 6, kGrowthPerDegree = 0.28, kUsualTightness = 5;
+  const auto [low, high] = bounds_of(options, uniform);
+  if (!options.angles) return kMinCost * samples;
+  return samples * std::max(kMinCost, kUsualCost * std::exp(kGrowthPerDegree * (tightness_of(low, high) - kUsualTightness)));
+}
+
+bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution) {
+  Ticker ticker(execution, slot(diagram.fragment_capacity()), kSamplesPerLook);
   for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+    ticker.tick();
     if (diagram.alive(f) && !diagram.covered(diagram.polygon(f))) return true;
   }
   return false;
@@ -583,14 +667,53 @@ bool has_gaps(const RestrictedPowerDiagram& diagram) {
 OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids) {
   require_optimize_options(options);
+  const Execution execution = options.execution.start("improving triangles");
   const auto [min_angle, max_angle] = bounds_of(options, radii_of(options, samples).uniform());
-  Optimizer optimizer(diagram, samples, options, min_angle, max_angle);
+  Optimizer optimizer(diagram, samples, options, min_angle, max_angle, execution);
   OptimizeResult result;
   result.report = optimizer.run();
-  result.samples = optimizer.samples(ids);
+  const bool complete = result.report.status != Outcome::kCancelled &&
+                        completes([&] { result.samples = optimizer.samples(ids, execution.part(0.99, 1)); });
+  if (complete) {
+    execution.finish();
+  } else {
+    result.samples = optimizer.samples(ids, execution.without_progress());
+    result.report.status = Outcome::kCancelled;
+  }
   return result;
 }
 
+namespace {
+
+/// Fills gaps first if there are any. `result` (in: cancelled) has the best samples so far.
+void optimize_or_fill(const MeshView& mesh, const SampleSet& samples, OptimizeOptions options, const Execution& execution,
+                      OptimizeResult& result) {
+  std::vector<Index> ids;
+  RestrictedPowerDiagram diagram = diagram_of(mesh, samples, execution.part(0, 0.25));
+  if (!has_gaps(diagram, execution.part(0.25, 0.27))) {
+    options.execution = execution.part(0.27, 1);
+    result = optimize_diagram(diagram, samples, options, ids);
+    return;
+  }
+  SamplingOptions filling;
+  filling.sizing = options.sizing;
+  filling.conflict_rule = options.conflict_rule;
+  filling.seed = options.seed;
+  filling.execution = execution.part(0.27, 0.5);
+  const SamplingResult filled = fill_gaps(mesh, samples, filling);
+  result.samples = filled.samples;
+  result.report.added = filled.samples.size() - samples.size();
+  if (filled.status == Outcome::kCancelled) return;
+  diagram = diagram_of(mesh, filled.samples, execution.part(0.5, 0.6));
+  options.execution = execution.part(0.6, 1);
+  result = optimize_diagram(diagram, filled.samples, options, ids);
+  const auto first_new = ids.begin() + (filled.samples.size() - result.report.removed);
+  const auto kept = static_cast<Index>(std::count_if(ids.begin(), first_new, [&](Index s) { return s < samples.size(); }));
+  result.report.removed = samples.size() - kept;
+  result.report.added = result.samples.size() - kept;
+}
+
+}  // namespace
 }  // namespace detail
 
 OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const OptimizeOptions& options) {
@@ -601,27 +724,12 @@ OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const Op
                                                  std::to_string(mesh.num_facets()) +
                                                  "); make it from the mesh the samples are on");
   }
-  std::vector<Index> ids;
-  RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, options.threads);
-  if (!detail::has_gaps(diagram)) return detail::optimize_diagram(diagram, samples, options, ids);
-  SamplingOptions filling;
-  filling.sizing = options.sizing;
-  filling.conflict_rule = options.conflict_rule;
-  filling.seed = options.seed;
-  filling.threads = options.threads;
-  filling.progress = options.progress;
-  const SamplingResult filled = fill_gaps(mesh, samples, filling);
-  if (filled.status == Outcome::kCancelled) {
-    OptimizeResult result{filled.samples, {}};
-    result.report.status = Outcome::kCancelled;
-    return result;
-  }
-  RestrictedPowerDiagram whole = detail::diagram_of(mesh, filled.samples, options.threads);
-  OptimizeResult result = detail::optimize_diagram(whole, filled.samples, options, ids);
-  const auto first_new = ids.begin() + (filled.samples.size() - result.report.removed);
-  const auto kept = static_cast<Index>(std::count_if(ids.begin(), first_new, [&](Index s) { return s < samples.size(); }));
-  result.report.removed = samples.size() - kept;
-  result.report.added = result.samples.size() - kept;
+  const Execution execution = options.execution.start();
+  OptimizeResult result;
+  result.report.status = Outcome::kCancelled;
+  detail::completes([&] { detail::optimize_or_fill(mesh, samples, options, execution, result); });
+  if (result.samples.size() == 0) result.samples = samples;
+  if (result.report.status != Outcome::kCancelled) execution.finish();
   return result;
 }
 

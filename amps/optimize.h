@@ -40,19 +40,20 @@ struct OptimizeOptions {
   /// Same seed, mesh, samples and options: the same result on any number of threads. (remesh() goes on with the diagram that
   /// sampling has left, in another order than a fresh one: it finds other refills than optimize() of the same samples.)
   std::uint64_t seed = 1;
-  unsigned threads = 1;  ///< 0: one per core
   /// Wanted radii of new samples; empty: the least radius of the set.
   SizingField sizing;
   /// That of the set: new samples obey it too.
   ConflictRule conflict_rule = ConflictRule::kMax;
-  Progress progress;
+  /// Threads, progress and cancelling. The result does not depend on the threads.
+  Execution execution;
 };
 
 /// The state before an iteration, and one more at the end.
 struct OptimizeIteration {
   Index bad_triangles = 0;  ///< 0 if angles are not asked for
   Index bad_vertices = 0;   ///< 0 if valences are not asked for
-  double min_angle = 0;     ///< degrees, over bad triangles, and over all in the first line and the last; 0 if there is none
+  double min_angle =
+      0;  ///< degrees, over bad triangles, and over all in the first line and (unless cancelled) the last; 0 if none
   double max_angle = 0;
   Index samples = 0;
   /// What is lowered: degrees out of bounds to first order (half of those above), 0.25 for each angle below and 0.5 for each
@@ -97,10 +98,13 @@ void require_optimize_options(const OptimizeOptions& options);
 /// Samples that optimisation adds, relative to those there are: measured, good to 0.01.
 double expected_growth(const OptimizeOptions& options, bool uniform);
 
-bool has_gaps(const RestrictedPowerDiagram& diagram);
+/// Microseconds that optimisation takes for so many samples, roughly: for foreseeing time only.
+double optimization_cost(const OptimizeOptions& options, double samples, bool uniform);
+
+bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution = {});
 
 /// optimize() on a diagram of exactly these samples, which is edited; what is removed leaves its id unused. `ids` (out): of the
-/// samples of the result.
+/// samples of the result. Cancelled before it has begun, it throws Error(kCancelled).
 OptimizeResult optimize_diagram(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids);
 

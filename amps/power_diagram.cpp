@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 namespace amps {
@@ -29,8 +30,15 @@ struct RestrictedPowerDiagram::Batch {
   std::vector<Index> labels;
   std::vector<Index> queue;      ///< sites found in the current facet
   std::vector<Index> last_seen;  ///< by site: the facet it was last queued in
+  detail::WorkCounter* done = nullptr;
+  std::size_t told = 0;  ///< entries that have been added to it
 
   void add(Index facet, Index site, const Clipper& clipper) {
+    constexpr std::size_t kFragmentsPerLook = 512;
+    if (entries.size() - told >= kFragmentsPerLook) {
+      done->add(entries.size() - told);
+      told = entries.size();
+    }
     const std::size_t first = corners.size(), count = clipper.corners().size();
     entries.push_back({facet, site, static_cast<Index>(count)});
     corners.resize(first + count);
@@ -41,17 +49,40 @@ struct RestrictedPowerDiagram::Batch {
 };
 
 RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
-                                               unsigned threads, const Progress& progress)
+                                               const Execution& execution)
     : mesh_(mesh) {
+  const Execution run = execution.start();
   require_usable(mesh);
   if (sites.rows() == 0) throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: no sites; give at least one");
+  const detail::DiagramCosts costs(mesh.num_facets(), static_cast<double>(sites.rows()), run.workers());
+  const double share = costs.triangulation / costs.all();
   detail::Stopwatch watch;
-  triangulate(sites, weights);
-  seconds_triangulation_ = watch.lap();
-  first_of_site_.assign(slot(num_sites()), kNone);
-  first_of_facet_.assign(slot(mesh_.num_facets()), kNone);
-  measure_facets();
-  build(threads, progress);
+  const bool complete = detail::completes([&] {
+    triangulate(sites, weights, run.part(0, share, "triangulating samples"));
+    seconds_triangulation_ = watch.lap();
+    const Execution dividing = run.part(share, 1, "dividing the surface");
+    first_of_site_.assign(static_cast<std::size_t>(sites.rows()), kNone);
+    first_of_facet_.assign(slot(mesh_.num_facets()), kNone);
+    measure_facets(dividing.part(0, 0.05));
+    build(dividing.part(0.05, 1));
+  });
+  if (complete) {
+    run.finish();
+  } else {
+    clear();
+  }
+}
+
+/// As a cancelled constructor leaves it.
+void RestrictedPowerDiagram::clear() {
+  triangulation_ = RegularTriangulation();
+  fragments_ = {};
+  corners_ = {};
+  labels_ = {};
+  first_of_site_ = first_of_facet_ = {};
+  facet_error_ = reach_ = {};
+  num_fragments_ = num_guards_ = 0;
+  status_ = Outcome::kCancelled;
 }
 
 /// A regular tetrahedron whose corners are 4 diagonals from the centre of the box. At any point of the box its corners have
@@ -69,7 +100,7 @@ std::array<WeightedPoint, RestrictedPowerDiagram::kSentinels> RestrictedPowerDia
   return result;
 }
 
-void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesView& weights) {
+void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesView& weights, const Execution& execution) {
   if (weights.size() != sites.rows()) {
     throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: " + std::to_string(sites.rows()) + " sites with " +
                                                  std::to_string(weights.size()) + " weights; give one weight a site");
@@ -80,18 +111,20 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesVi
   std::vector<Vec3> positions(kSentinels + n);
   std::vector<double> all_weights(kSentinels + n);
   min_weight_ = INFINITY;
-  for (std::ptrdiff_t s = 0; s < sites.rows(); ++s) {
-    const Vec3 x = sites[s];
-    if (!x.allFinite() || !std::isfinite(weights[s])) {
-      throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: site " + std::to_string(s) +
-                                                   " is not finite (NaN or infinity); remove or repair it");
+  detail::for_each_piece(n, detail::kElementsPerLook, execution.part(0, 0.03), [&](std::size_t begin, std::size_t end) {
+    for (auto s = static_cast<std::ptrdiff_t>(begin); s < static_cast<std::ptrdiff_t>(end); ++s) {
+      const Vec3 x = sites[s];
+      if (!x.allFinite() || !std::isfinite(weights[s])) {
+        throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: site " + std::to_string(s) +
+                                                     " is not finite (NaN or infinity); remove or repair it");
+      }
+      low = low.cwiseMin(x);
+      high = high.cwiseMax(x);
+      min_weight_ = std::min(min_weight_, weights[s]);
+      positions[static_cast<std::size_t>(kSentinels + s)] = x;
+      all_weights[static_cast<std::size_t>(kSentinels + s)] = weights[s];
     }
-    low = low.cwiseMin(x);
-    high = high.cwiseMax(x);
-    min_weight_ = std::min(min_weight_, weights[s]);
-    positions[static_cast<std::size_t>(kSentinels + s)] = x;
-    all_weights[static_cast<std::size_t>(kSentinels + s)] = weights[s];
-  }
+  });
   low_ = low;
   high_ = high;
   num_guards_ = static_cast<Index>(n);
@@ -100,13 +133,23 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesVi
     positions[k] = sentinel.position();
     all_weights[k++] = sentinel.w;
   }
-  triangulation_.insert(positions, all_weights);
+  // On one thread: of points on a surface most insertions by several get in each other's way.
+  triangulation_.insert(positions, all_weights, execution.part(0.03, 1).on_one_thread());
 }
 
+namespace {
+
+/// Of loops that take 100 ns a facet.
+constexpr std::uint64_t kFacetsPerLook = 8192;
+
+}  // namespace
+
 /// Bounds of the error of computed corners per facet; −1 for facets without area.
-void RestrictedPowerDiagram::measure_facets() {
+void RestrictedPowerDiagram::measure_facets(const Execution& execution) {
   facet_error_.resize(slot(mesh_.num_facets()));
+  detail::Ticker ticker(execution, facet_error_.size(), kFacetsPerLook);
   for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
+    ticker.tick();
     double longest = 0, largest = 0;
     for (int c = 0; c < 3; ++c) {
       const Vec3 corner = mesh_.corner(facet, c);
@@ -128,66 +171,93 @@ RestrictedPowerDiagram::Plane RestrictedPowerDiagram::plane(Index owner, Index o
   return {((d2 + dw) - detail::kOffsetSlack * (d2 + std::fabs(dw))) / (2 * std::sqrt(d2)), other};
 }
 
-RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes() const {
-  const RegularTriangulation::Adjacency around = adjacency();
+RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes(const Execution& execution) const {
+  const RegularTriangulation::Adjacency around = adjacency(execution.part(0, 0.6));
   PlaneTable table;
   table.offset = around.offset;
   table.planes.reserve(around.adjacent.size());
-  for (Index s = 0; s < num_sites(); ++s) {
-    for (Index k = around.offset[slot(s)]; k < around.offset[slot(s) + 1]; ++k) {
-      table.planes.push_back(plane(s, around.adjacent[slot(k)]));
+  constexpr std::size_t kSitesPerPiece = 4096;
+  detail::for_each_piece(slot(num_sites()), kSitesPerPiece, execution.part(0.6, 1), [&](std::size_t begin, std::size_t end) {
+    for (Index s = static_cast<Index>(begin); s < static_cast<Index>(end); ++s) {
+      for (Index k = around.offset[slot(s)]; k < around.offset[slot(s) + 1]; ++k) {
+        table.planes.push_back(plane(s, around.adjacent[slot(k)]));
+      }
+      std::sort(table.planes.begin() + around.offset[slot(s)], table.planes.end(), detail::nearer_plane<Plane>);
     }
-    std::sort(table.planes.begin() + around.offset[slot(s)], table.planes.end(), detail::nearer_plane<Plane>);
-  }
+  });
   return table;
 }
 
-void RestrictedPowerDiagram::build(unsigned threads, const Progress& progress) {
-  const PlaneTable planes = all_planes();
-  const std::vector<Index> owner = corner_owners(planes);
+void RestrictedPowerDiagram::build(const Execution& execution) {
+  const PlaneTable planes = all_planes(execution.part(0, 0.35));
+  const std::vector<Index> owner = corner_owners(planes, execution.part(0.35, 0.4));
   const std::size_t num_facets = slot(mesh_.num_facets());
   // One thread fills the pools themselves; with more, batches are put together in their order, with the same result.
-  const std::size_t facets_per_batch = threads == 1 ? num_facets : 4096;
+  const std::size_t facets_per_batch = execution.workers() == 1 ? num_facets : 4096;
   std::vector<Batch> batches((num_facets + facets_per_batch - 1) / facets_per_batch);
-  std::atomic<std::size_t> done{0};
-  constexpr std::size_t kFacetsPerReport = 1024;
-  parallel_for(num_facets, facets_per_batch, threads, [&](std::size_t begin, std::size_t end) {
+  const Execution clipping = execution.part(0.4, 0.8);
+  const double fragments = detail::expected_fragments(static_cast<double>(num_facets), static_cast<double>(num_sites()));
+  detail::WorkCounter done(clipping, static_cast<std::uint64_t>(fragments));
+  parallel_for(num_facets, facets_per_batch, clipping, [&](std::size_t begin, std::size_t end) {
     Batch& batch = batches[begin / facets_per_batch];
+    batch.done = &done;
     batch.last_seen.assign(slot(num_sites()), kNone);
     batch.entries.reserve(end - begin + 4 * slot(num_sites()) / batches.size());
-    batch.corners.reserve(4 * batch.entries.capacity());
-    batch.labels.reserve(4 * batch.entries.capacity());
-    Clipper clipper(*this);
-    for (std::size_t f = begin; f < end; ++f) {
-      if (f % kFacetsPerReport == 0) {
-        const std::size_t now_done = done += kFacetsPerReport;
-        if (!progress.report("restricted power diagram",
-                             std::min(1.0, static_cast<double>(now_done) / static_cast<double>(num_facets))))
-          return;
-      }
-      if (facet_error_[f] < 0) continue;
-      const Index facet = static_cast<Index>(f);
-      clipper.set_facet(facet);
-      const Index owner_a = owner[slot(mesh_.triangles(facet, 0))];
-      if (owner_a == owner[slot(mesh_.triangles(facet, 1))] && owner_a == owner[slot(mesh_.triangles(facet, 2))]) {
-        clipper.start(owner_a);  // power cells are convex: the whole facet lies in this one
-        batch.add(facet, owner_a, clipper);
-      } else {
-        flood_facet(facet, owner_a, planes, clipper, batch);
-      }
-    }
+    // Room for edits, too: memory is not used before it is written to, and moving the pools would take long.
+    batch.corners.reserve(8 * batch.entries.capacity());
+    batch.labels.reserve(8 * batch.entries.capacity());
+    clip_facets(begin, end, owner, planes, batch);
     batch.last_seen = {};
   });
-  assemble(batches);
+  assemble(batches, execution.part(0.8, 1));
+}
+
+void RestrictedPowerDiagram::clip_facets(std::size_t begin, std::size_t end, const std::vector<Index>& owner,
+                                         const PlaneTable& planes, Batch& batch) const {
+  Clipper clipper(*this);
+  for (std::size_t f = begin; f < end; ++f) {
+    if (facet_error_[f] < 0) continue;
+    const Index facet = static_cast<Index>(f);
+    clipper.set_facet(facet);
+    const Index owner_a = owner[slot(mesh_.triangles(facet, 0))];
+    if (owner_a == owner[slot(mesh_.triangles(facet, 1))] && owner_a == owner[slot(mesh_.triangles(facet, 2))]) {
+      clipper.start(owner_a);  // power cells are convex: the whole facet lies in this one
+      batch.add(facet, owner_a, clipper);
+    } else {
+      flood_facet(facet, owner_a, planes, clipper, batch);
+    }
+  }
 }
 
 /// Puts the fragments of all facets together. Polygons stay in the order of facets, but the records of each site's fragments
 /// lie side by side, sites in the order in which facets meet them: local updates look through all fragments of a few sites, and
 /// would otherwise spend their time on cache misses.
-void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
+void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Execution& execution) {
+  using detail::for_each_piece;
+  using detail::kElementsPerLook;
+  make_records(batches, execution.part(0, 0.3));
+  fill_pools(batches, execution.part(0.3, 0.4));
+  for_each_piece(fragments_.size(), kElementsPerLook, execution.part(0.4, 0.6), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) link(num_fragments_ - 1 - static_cast<Index>(k));  // so that lists run forwards
+  });
+  for_each_piece(fragments_.size(), kElementsPerLook, execution.part(0.6, 0.9), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) bound(fragments_[f]);
+  });
+  reach_.resize(slot(num_sites()));
+  for_each_piece(reach_.size(), kElementsPerLook, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
+  });
+}
+
+/// The fragments' records, without links and bounds.
+void RestrictedPowerDiagram::make_records(const std::vector<Batch>& batches, const Execution& execution) {
+  std::size_t num_entries = 0;
+  for (const Batch& batch : batches) num_entries += batch.entries.size();
   std::vector<Index> count(slot(num_sites()), 0), site_order;
+  detail::Ticker counting(execution.part(0, 0.3), num_entries, detail::kElementsPerLook);
   for (const Batch& batch : batches) {
     for (const Batch::Entry& entry : batch.entries) {
+      counting.tick();
       if (count[slot(entry.site)]++ == 0) site_order.push_back(entry.site);
     }
   }
@@ -196,11 +266,14 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
     next[slot(s)] = num_fragments_;
     num_fragments_ += count[slot(s)];
   }
-  fragments_.reserve(slot(num_fragments_) + slot(num_fragments_) / 4);
-  fragments_.resize(slot(num_fragments_));
+  fragments_.reserve(num_entries + num_entries / 2);
+  detail::for_each_piece(num_entries, detail::kElementsPerLook, execution.part(0.3, 0.6),
+                         [&](std::size_t, std::size_t end) { fragments_.resize(end); });
+  detail::Ticker filling(execution.part(0.6, 1), num_entries, detail::kElementsPerLook);
   Index first = 0;
   for (const Batch& batch : batches) {
     for (const Batch::Entry& entry : batch.entries) {
+      filling.tick();
       Fragment& fragment = fragments_[slot(next[slot(entry.site)]++)];
       fragment.facet = entry.facet;
       fragment.site = entry.site;
@@ -209,23 +282,26 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches) {
       first += entry.size;
     }
   }
+}
+
+void RestrictedPowerDiagram::fill_pools(std::vector<Batch>& batches, const Execution& execution) {
   if (batches.size() == 1) {
     corners_ = std::move(batches.front().corners);
     labels_ = std::move(batches.front().labels);
-  } else {
-    corners_.resize(slot(first));
-    labels_.resize(slot(first));
-    std::size_t at = 0;
-    for (const Batch& batch : batches) {
-      std::copy(batch.corners.begin(), batch.corners.end(), corners_.begin() + static_cast<std::ptrdiff_t>(at));
-      std::copy(batch.labels.begin(), batch.labels.end(), labels_.begin() + static_cast<std::ptrdiff_t>(at));
-      at += batch.corners.size();
-    }
+    return;
   }
-  for (Index f = num_fragments_ - 1; f >= 0; --f) link(f);  // backwards: lists run forwards
-  for (Fragment& fragment : fragments_) bound(fragment);
-  reach_.resize(slot(num_sites()));
-  for (Index s = 0; s < num_sites(); ++s) update_reach(s);
+  std::size_t size = 0;
+  for (const Batch& batch : batches) size += batch.corners.size();
+  corners_.reserve(2 * size);  // edits add to them
+  labels_.reserve(2 * size);
+  detail::Ticker ticker(execution, size, detail::kElementsPerLook);
+  for (Batch& batch : batches) {
+    corners_.insert(corners_.end(), batch.corners.begin(), batch.corners.end());
+    labels_.insert(labels_.end(), batch.labels.begin(), batch.labels.end());
+    ticker.tick(batch.corners.size());
+    batch.corners = {};
+    batch.labels = {};
+  }
 }
 
 void RestrictedPowerDiagram::update_reach(Index s) {
@@ -267,11 +343,13 @@ void RestrictedPowerDiagram::bound(Fragment& fragment) {
 }
 
 /// The owner of every mesh vertex that a facet uses, found by walking from the last one over ever nearer neighbours.
-std::vector<Index> RestrictedPowerDiagram::corner_owners(const PlaneTable& planes) const {
+std::vector<Index> RestrictedPowerDiagram::corner_owners(const PlaneTable& planes, const Execution& execution) const {
   std::vector<Index> owner(slot(mesh_.num_vertices()), kNone);
   Index near = 0;
   while (!visible(near)) ++near;
+  detail::Ticker ticker(execution, slot(mesh_.num_facets()));
   for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
+    ticker.tick();
     for (int c = 0; c < 3; ++c) {
       const Index known = owner[slot(mesh_.triangles(facet, c))];
       if (known != kNone) near = known;
@@ -386,19 +464,30 @@ void RestrictedPowerDiagram::free_fragment(Index f) {
   free_fragments_.push_back(f);
 }
 
-/// Moves all polygons together once more than half of the pools is unused.
-void RestrictedPowerDiagram::compact_pools() {
+void RestrictedPowerDiagram::compact(const Execution& execution) {
   if (2 * pool_garbage_ < corners_.size()) return;
+  const Execution run = execution.start("tidying memory");
+  compact_pools(&run);
+}
+
+/// Moves all polygons together.
+void RestrictedPowerDiagram::compact_pools(const Execution* execution) {
+  constexpr std::size_t kFragmentsPerLook = 8192;
   std::vector<Vec3> corners;
   std::vector<Index> labels;
   corners.reserve(corners_.size());
   labels.reserve(labels_.size());
-  for (Fragment& fragment : fragments_) {
-    const Index first = static_cast<Index>(corners.size());
+  for (std::size_t f = 0; f < fragments_.size(); ++f) {
+    if (execution != nullptr && f % kFragmentsPerLook == 0) execution->report(0);
+    const Fragment& fragment = fragments_[f];
     corners.insert(corners.end(), corners_.begin() + fragment.first, corners_.begin() + fragment.first + fragment.size);
     labels.insert(labels.end(), labels_.begin() + fragment.first, labels_.begin() + fragment.first + fragment.size);
+  }
+  Index first = 0;
+  for (Fragment& fragment : fragments_) {
     fragment.first = first;
     fragment.capacity = fragment.size;
+    first += fragment.size;
   }
   corners_.swap(corners);
   labels_.swap(labels);
@@ -442,53 +531,78 @@ void RestrictedPowerDiagram::neighbors(Index s, std::vector<Index>& out) const {
   out.resize(kept);
 }
 
-RegularTriangulation::Adjacency RestrictedPowerDiagram::adjacency() const {
-  RegularTriangulation::Adjacency all = triangulation_.adjacency(), result;
+RegularTriangulation::Adjacency RestrictedPowerDiagram::adjacency(const Execution& execution) const {
+  const Execution run = execution.start("listing neighbours");
+  RegularTriangulation::Adjacency all = triangulation_.adjacency(run.part(0, 0.9)), result;
   result.offset.assign(1, 0);
   result.offset.reserve(slot(num_sites()) + 1);
   result.adjacent.reserve(all.adjacent.size());
-  for (std::size_t v = kSentinels; v + 1 < all.offset.size(); ++v) {
-    for (Index k = all.offset[v]; k < all.offset[v + 1]; ++k) {
-      if (all.adjacent[slot(k)] >= kSentinels) result.adjacent.push_back(all.adjacent[slot(k)] - kSentinels);
-    }
-    result.offset.push_back(static_cast<Index>(result.adjacent.size()));
-  }
+  detail::for_each_piece(slot(num_sites()), detail::kElementsPerLook, run.part(0.9, 1),
+                         [&](std::size_t begin, std::size_t end) {
+                           for (std::size_t v = begin + kSentinels; v < end + kSentinels; ++v) {
+                             for (Index k = all.offset[v]; k < all.offset[v + 1]; ++k) {
+                               const Index u = all.adjacent[slot(k)];
+                               if (u >= kSentinels) result.adjacent.push_back(u - kSentinels);
+                             }
+                             result.offset.push_back(static_cast<Index>(result.adjacent.size()));
+                           }
+                         });
+  run.finish();
   return result;
 }
 
 // Dual, measures, proof
 
-Triangles RestrictedPowerDiagram::dual_triangles(std::vector<Index>* facets) const {
+Triangles RestrictedPowerDiagram::dual_triangles(std::vector<Index>* facets, const Execution& execution) const {
+  const Execution run = execution.start("listing triangles");
   std::vector<Index> corners;
+  corners.reserve(6 * slot(num_sites()));  // 2 triangles a sample
   if (facets != nullptr) facets->clear();
-  for (Index f = 0; f < fragment_capacity(); ++f) {
-    const Polygon p = polygon(f);
-    for (Index k = 0; k < p.size; ++k) {
-      // Walking round the vertex counter-clockwise from the owner, the cell across the incoming edge comes first.
-      const Index in = p.labels[k == 0 ? p.size - 1 : k - 1], out = p.labels[k];
-      if (in <= p.site || out <= p.site)
-        continue;  // mesh edges are negative; all three fragments see the vertex, the least lists it
-      corners.insert(corners.end(), {p.site, in, out});
-      if (facets != nullptr) facets->push_back(p.facet);
+  detail::for_each_piece(fragments_.size(), detail::kElementsPerLook, run, [&](std::size_t begin, std::size_t end) {
+    for (Index f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
+      const Polygon p = polygon(f);
+      for (Index k = 0; k < p.size; ++k) {
+        // Walking round the vertex counter-clockwise from the owner, the cell across the incoming edge comes first.
+        const Index in = p.labels[k == 0 ? p.size - 1 : k - 1], out = p.labels[k];
+        if (in <= p.site || out <= p.site)
+          continue;  // mesh edges are negative; all three fragments see the vertex, the least lists it
+        corners.insert(corners.end(), {p.site, in, out});
+        if (facets != nullptr) facets->push_back(p.facet);
+      }
     }
-  }
+  });
+  run.finish();
   return Triangles(std::move(corners));
 }
 
-std::vector<double> RestrictedPowerDiagram::cell_areas() const {
+std::vector<double> RestrictedPowerDiagram::cell_areas(const Execution& execution) const {
+  const Execution run = execution.start("measuring cells");
   std::vector<double> area(slot(num_sites()), 0.0);
-  for (Index f = 0; f < fragment_capacity(); ++f) {
-    if (alive(f)) area[slot(fragments_[slot(f)].site)] += polygon(f).area();
-  }
+  detail::for_each_piece(fragments_.size(), detail::kElementsPerLook, run, [&](std::size_t begin, std::size_t end) {
+    for (Index f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
+      if (alive(f)) area[slot(fragments_[slot(f)].site)] += polygon(f).area();
+    }
+  });
+  run.finish();
   return area;
 }
 
-std::string RestrictedPowerDiagram::check() const {
+std::string RestrictedPowerDiagram::check(const Execution& execution) const {
+  const Execution run = execution.start("checking the diagram");
+  std::string violation =
+      status_ == Outcome::kCancelled ? "the diagram is not there: its construction was cancelled" : find_violation(run);
+  run.finish();
+  return violation;
+}
+
+std::string RestrictedPowerDiagram::find_violation(const Execution& execution) const {
+  detail::Ticker ticker(execution, fragments_.size() + first_of_facet_.size());
   const auto name = [](Index f) { return "fragment " + std::to_string(f); };
   Index live = 0;
   Clipper clipper(*this);
   std::vector<Index> around;
   for (Index f = 0; f < fragment_capacity(); ++f) {
+    ticker.tick();
     if (!alive(f)) continue;
     ++live;
     const Polygon p = polygon(f);
@@ -515,6 +629,7 @@ std::string RestrictedPowerDiagram::check() const {
   }
   if (live != num_fragments_) return "fragment count is off";
   for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
+    ticker.tick();
     double sum = 0;
     Index count = 0;
     for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f), ++count) {

@@ -12,6 +12,8 @@
 // at every vertex inside a facet. Coordinates are derived for output and measures only; all fragments at a vertex have the same
 // bits.
 //
+// Const members that take an Execution throw Error(kCancelled) when cancelled.
+//
 // Thread-safety: const members may be called concurrently.
 #pragma once
 
@@ -20,6 +22,7 @@
 #include "amps/mesh.h"
 #include "amps/triangulation.h"
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -47,11 +50,15 @@ class RestrictedPowerDiagram {
   /// The diagram of the given sites (#S by 3, #S weights; ids are rows). Views are not copied: the mesh's buffers must outlive
   /// the diagram. Facets with exactly collinear corners are skipped.
   /// Throws Error: kInvalidMesh (require_usable), kInvalidArgument (a site not finite, no site at all).
-  /// Expected O(n log n + #fragments); facets are split over `threads` (0: one per core) with the same result for any number.
-  RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights, unsigned threads = 1,
-                         const Progress& progress = {});
+  /// Expected O(n log n + #fragments); facets are split over the threads of `execution`, with the same result for any number.
+  RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
+                         const Execution& execution = {});
 
-  Index num_sites() const { return triangulation_.num_vertices() - kSentinels; }  ///< ids given out, removed ones included
+  /// kCancelled if the constructor was. The diagram then has no sites and no fragments, and is good for nothing but to be
+  /// assigned to: insert() throws Error(kCancelled), the other edits find no site.
+  Outcome status() const { return status_; }
+
+  Index num_sites() const { return static_cast<Index>(first_of_site_.size()); }  ///< ids given out, removed ones included
   Index num_removed() const { return triangulation_.num_removed(); }
   const WeightedPoint& site(Index s) const { return triangulation_.point(s + kSentinels); }
   bool removed(Index s) const { return triangulation_.state(s + kSentinels) == RegularTriangulation::VertexState::kRemoved; }
@@ -96,6 +103,11 @@ class RestrictedPowerDiagram {
   /// kInvalidArgument if s is not a removed id.
   void reinsert(Index s, const Vec3& position, double weight, Index near = kNone);
 
+  /// Moves the polygons together in memory if more than half of their room is unused. Edits do that themselves, but only once
+  /// three quarters are: for a million sites it takes a tenth of a second. Between edits, and with looks for a cancel: then it
+  /// throws Error(kCancelled), and nothing has changed. Polygons seen before are void.
+  void compact(const Execution& execution);
+
   /// Slots of fragments that the last insert(), remove() or reinsert() created, changed or freed (then not alive), ascending,
   /// each once.
   const std::vector<Index>& changed() const { return changed_; }
@@ -107,21 +119,21 @@ class RestrictedPowerDiagram {
   /// edge.
   void neighbors(Index s, std::vector<Index>& out) const;
   /// The same for all sites at once.
-  RegularTriangulation::Adjacency adjacency() const;
+  RegularTriangulation::Adjacency adjacency(const Execution& execution = {}) const;
 
   /// One dual triangle for each vertex where three cells meet inside a facet: (i, j, k) counter-clockwise in the orientation of
   /// that facet, i the smallest. `facets` (optional): the facet of each. A triple appears as often as its cells meet.
-  Triangles dual_triangles(std::vector<Index>* facets = nullptr) const;
+  Triangles dual_triangles(std::vector<Index>* facets = nullptr, const Execution& execution = {}) const;
 
   /// Restricted cell area per site, absolute units; they sum to the mesh's area.
-  std::vector<double> cell_areas() const;
+  std::vector<double> cell_areas(const Execution& execution = {}) const;
 
   /// Wall-clock seconds the constructor spent on the triangulation (the rest went into the fragments).
   double seconds_triangulation() const { return seconds_triangulation_; }
 
   /// Re-proves the invariants: lists and polygons well formed, labels symmetric, fragments of a facet tile its area (relative
   /// 1e-9), every corner nearest in power to its owner among the owner's neighbours. "" or the first violation. O(#fragments).
-  std::string check() const;
+  std::string check(const Execution& execution = {}) const;
 
  private:
   /// Far sentinel sites come first in the triangulation: they own nothing on the mesh, and make every set three-dimensional.
@@ -160,14 +172,20 @@ class RestrictedPowerDiagram {
   std::array<WeightedPoint, kSentinels> sentinels() const;
   bool is_guard(Index s) const;
   void keep_a_guard(Index s);
-  void triangulate(const PointsView& sites, const ValuesView& weights);
-  void build(unsigned threads, const Progress& progress);
-  PlaneTable all_planes() const;
-  std::vector<Index> corner_owners(const PlaneTable& planes) const;
+  std::string find_violation(const Execution& execution) const;
+  void clear();
+  void triangulate(const PointsView& sites, const ValuesView& weights, const Execution& execution);
+  void build(const Execution& execution);
+  PlaneTable all_planes(const Execution& execution) const;
+  std::vector<Index> corner_owners(const PlaneTable& planes, const Execution& execution) const;
+  void clip_facets(std::size_t begin, std::size_t end, const std::vector<Index>& owner, const PlaneTable& planes,
+                   Batch& batch) const;
   void flood_facet(Index facet, Index owner, const PlaneTable& planes, Clipper& clipper, Batch& batch) const;
-  void assemble(std::vector<Batch>& batches);
+  void assemble(std::vector<Batch>& batches, const Execution& execution);
+  void make_records(const std::vector<Batch>& batches, const Execution& execution);
+  void fill_pools(std::vector<Batch>& batches, const Execution& execution);
   void update_reach(Index s);
-  void measure_facets();
+  void measure_facets(const Execution& execution);
   Plane plane(Index owner, Index other) const;
   int exact_power_at_corner(const Polygon& polygon, Index k) const;
   void link(Index f);
@@ -189,7 +207,7 @@ class RestrictedPowerDiagram {
   Index owner_of_corner(Index facet, const std::vector<Index>& among) const;
   Index fragment_of(Index facet, Index site) const;
   void finish_edit();
-  void compact_pools();
+  void compact_pools(const Execution* execution = nullptr);
 
   MeshView mesh_;
   RegularTriangulation triangulation_;
@@ -213,6 +231,27 @@ class RestrictedPowerDiagram {
   std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of link_of
   std::uint32_t last_stamp_ = 0;
   double seconds_triangulation_ = 0;
+  Outcome status_ = Outcome::kDone;
 };
+
+namespace detail {
+
+/// Faces of the overlay of a mesh of that many facets and as many cells: by Euler one for each of both, and one for each place
+/// where their edges cross, of which there are 2·L·L'/(π·area) for lengths L and L', here of equilateral triangles and regular
+/// hexagons. For foreseeing time only.
+inline double expected_fragments(double facets, double sites) { return facets + sites + 2.7 * std::sqrt(facets * sites); }
+
+/// Microseconds that a diagram takes, roughly. For foreseeing time only.
+struct DiagramCosts {
+  double triangulation, fragments;
+
+  DiagramCosts(double facets, double sites, unsigned workers) {
+    triangulation = 1.9 * sites;
+    fragments = 0.8 * sites + 0.7 * expected_fragments(facets, sites) / workers;
+  }
+  double all() const { return triangulation + fragments; }
+};
+
+}  // namespace detail
 
 }  // namespace amps

@@ -17,6 +17,9 @@ Index RestrictedPowerDiagram::hint_cell(Index near) const {
 }
 
 Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index near) {
+  if (status_ == Outcome::kCancelled) {
+    throw Error(ErrorCode::kCancelled, "restricted power diagram: its construction was cancelled; make a new one");
+  }
   const Index s = triangulation_.insert(position, weight, hint_cell(near)) - kSentinels;
   first_of_site_.push_back(kNone);
   reach_.push_back(kNoCell);
@@ -91,7 +94,7 @@ void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around
 }
 
 void RestrictedPowerDiagram::finish_edit() {
-  compact_pools();
+  if (4 * pool_garbage_ > 3 * corners_.size()) compact_pools();
   // A slot freed and used again is listed twice.
   std::sort(changed_.begin(), changed_.end());
   changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());

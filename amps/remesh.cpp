@@ -16,32 +16,47 @@ namespace detail {
 namespace {
 
 /// Dual triangles, each triple of sites once (the first met, in the order of fragments).
-Triangles unique_triples(const Triangles& triangles) {
+Triangles unique_triples(const Triangles& triangles, Index num_sites, const Execution& execution) {
   struct Keyed {
-    std::array<Index, 3> sorted;
+    std::array<Index, 2> others;  ///< the corners but the least, ascending
     Index row;
+    bool operator<(const Keyed& b) const { return others != b.others ? others < b.others : row < b.row; }
   };
-  std::vector<Keyed> keyed(static_cast<std::size_t>(triangles.rows()));
-  for (Index t = 0; t < triangles.rows(); ++t) {
-    Keyed& k = keyed[static_cast<std::size_t>(t)];
-    k = {{triangles(t, 0), triangles(t, 1), triangles(t, 2)}, t};
-    if (k.sorted[1] > k.sorted[2]) std::swap(k.sorted[1], k.sorted[2]);  // the first is the least already
-  }
-  std::sort(keyed.begin(), keyed.end(),
-            [](const Keyed& a, const Keyed& b) { return a.sorted != b.sorted ? a.sorted < b.sorted : a.row < b.row; });
+  const auto n = static_cast<std::size_t>(triangles.rows());
+  std::vector<std::size_t> begin(slot(num_sites) + 1, 0);  // of the triangles of each least corner, which is the first one
+  for_each_piece(n, kElementsPerLook, execution.part(0, 0.15), [&](std::size_t from, std::size_t to) {
+    for (std::size_t t = from; t < to; ++t) ++begin[slot(triangles(static_cast<std::ptrdiff_t>(t), 0)) + 1];
+  });
+  for (std::size_t s = 1; s < begin.size(); ++s) begin[s] += begin[s - 1];
+  std::vector<Keyed> keyed(n);
+  std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
+  for_each_piece(n, kElementsPerLook, execution.part(0.15, 0.5), [&](std::size_t from, std::size_t to) {
+    for (auto t = static_cast<Index>(from); t < static_cast<Index>(to); ++t) {
+      Keyed& k = keyed[next[slot(triangles(t, 0))]++];
+      k = {{triangles(t, 1), triangles(t, 2)}, t};
+      if (k.others[0] > k.others[1]) std::swap(k.others[0], k.others[1]);
+    }
+  });
   // In sorted order, so that the output does not depend on the history of the diagram.
-  Triangles result(triangles.rows());
-  std::ptrdiff_t kept = 0;
-  for (std::size_t k = 0; k < keyed.size(); ++k) {
-    if (k == 0 || keyed[k].sorted != keyed[k - 1].sorted) result.row(kept++) = triangles.row(keyed[k].row);
-  }
-  result.resize(kept);
-  return result;
+  std::vector<Index> corners;
+  corners.reserve(3 * n);
+  for_each_piece(slot(num_sites), kElementsPerLook, execution.part(0.5, 1), [&](std::size_t from, std::size_t to) {
+    for (std::size_t s = from; s < to; ++s) {
+      std::sort(keyed.begin() + static_cast<std::ptrdiff_t>(begin[s]),
+                keyed.begin() + static_cast<std::ptrdiff_t>(begin[s + 1]));
+      for (std::size_t k = begin[s]; k < begin[s + 1]; ++k) {
+        if (k > begin[s] && keyed[k].others == keyed[k - 1].others) continue;
+        const auto row = triangles.row(keyed[k].row);
+        corners.insert(corners.end(), {row[0], row[1], row[2]});
+      }
+    }
+  });
+  return Triangles(std::move(corners));
 }
 
 /// Flips triangles so that manifold edges are traversed once in each direction, as far as the surface is orientable; per
 /// component (across manifold edges) the majority of the given orientations stays.
-void orient_consistently(Triangles& triangles, Index num_vertices) {
+void orient_consistently(Triangles& triangles, Index num_vertices, const Execution& execution) {
   struct Link {
     Index triangle;
     bool same;  ///< both traverse the edge in opposite directions already
@@ -50,7 +65,9 @@ void orient_consistently(Triangles& triangles, Index num_vertices) {
   std::vector<std::array<Link, 3>> links(n, {Link{kNone, true}, Link{kNone, true}, Link{kNone, true}});
   std::vector<std::uint8_t> link_count(n, 0);
   const MeshEdges edges(triangles, num_vertices);
+  Ticker linking(execution.part(0.6, 0.8), edges.size(), kElementsPerLook);
   for (std::size_t e = 0; e < edges.size(); ++e) {
+    linking.tick();
     const MeshEdge edge = edges[e];
     if (edge.size() != 2) continue;
     const auto ta = slot(edge[0].facet), tb = slot(edge[1].facet);
@@ -60,12 +77,14 @@ void orient_consistently(Triangles& triangles, Index num_vertices) {
   enum : std::uint8_t { kUnseen, kKept, kFlipped };
   std::vector<std::uint8_t> decision(n, kUnseen);
   std::vector<Index> component;
+  Ticker turning(execution.part(0.8, 1), n, kElementsPerLook);
   for (std::size_t seed = 0; seed < n; ++seed) {
     if (decision[seed] != kUnseen) continue;
     decision[seed] = kKept;
     component.assign(1, static_cast<Index>(seed));
     std::size_t flipped = 0;
     for (std::size_t k = 0; k < component.size(); ++k) {
+      turning.tick();
       const auto t = static_cast<std::size_t>(component[k]);
       flipped += decision[t] == kFlipped;
       for (const Link& link : links[t]) {
@@ -82,27 +101,98 @@ void orient_consistently(Triangles& triangles, Index num_vertices) {
 }
 
 /// `ids`: the sites, in the order of the result's vertices; empty: as they are.
-Triangles restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vector<Index>& ids = {}) {
-  Triangles triangles = diagram.dual_triangles();
+Triangles restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vector<Index>& ids,
+                               const Execution& execution) {
+  Triangles triangles = diagram.dual_triangles(nullptr, execution.part(0, 0.2));
   if (!ids.empty()) {
     std::vector<Index> row(slot(diagram.num_sites()), kNone);
     for (std::size_t k = 0; k < ids.size(); ++k) row[slot(ids[k])] = static_cast<Index>(k);
+    Ticker ticker(execution.part(0.2, 0.3), static_cast<std::uint64_t>(triangles.rows()), kElementsPerLook);
     for (std::ptrdiff_t t = 0; t < triangles.rows(); ++t) {
+      ticker.tick();
       std::array<Index, 3> v = {row[slot(triangles(t, 0))], row[slot(triangles(t, 1))], row[slot(triangles(t, 2))]};
       std::rotate(v.begin(), std::min_element(v.begin(), v.end()), v.end());
       triangles.row(t) << v[0], v[1], v[2];
     }
   }
-  triangles = unique_triples(triangles);
-  orient_consistently(triangles, ids.empty() ? diagram.num_sites() : static_cast<Index>(ids.size()));
+  const Index num_vertices = ids.empty() ? diagram.num_sites() : static_cast<Index>(ids.size());
+  triangles = unique_triples(triangles, num_vertices, execution.part(0.3, 0.5));
+  orient_consistently(triangles, num_vertices, execution.part(0.5, 1));
   return triangles;
+}
+
+/// The ends of the parts of remesh() in the range of progress.
+struct RemeshParts {
+  double sampling, optimization, extraction;
+
+  RemeshParts(const MeshView& mesh, const SamplingOptions& options, const RemeshOptions& all) {
+    // Microseconds a sample or facet, roughly.
+    constexpr double kExtractionCost = 0.6, kReportCost = 1.7, kReportFacetCost = 0.3;
+    const auto facets = static_cast<double>(mesh.num_facets());
+    const double samples = expected_samples(mesh, options);
+    sampling = sampling_cost(samples, facets, options.execution.workers());
+    optimization = sampling;
+    if (all.optimize) optimization += optimization_cost(all.optimization, samples, is_one_radius(options.sizing));
+    extraction = optimization + kExtractionCost * samples;
+    const double end = extraction + kReportCost * samples + kReportFacetCost * facets;
+    for (double* share : {&sampling, &optimization, &extraction}) *share /= end;
+  }
+};
+
+/// Measures the result, except what was measured on the way.
+void measure(const MeshView& mesh, const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution,
+             RemeshResult& result) {
+  // Equal positions are one point to the surface; merging them changes neither area nor facets.
+  result.report.input = topology(merge_equal_vertices(mesh));
+  execution.report(0.1);
+  result.report.output = topology(result.mesh);
+  execution.report(0.3);
+  result.report.quality = quality(result.mesh);
+  result.report.maximality = measure_maximality(diagram, rule, execution.part(0.5, 1));
+}
+
+/// remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
+void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, const SamplingOptions& sampling,
+                       const Execution& execution, const RemeshParts& parts, RemeshResult& result) {
+  SamplingRun run = sample_with_diagram(mesh, sampling);
+  result.samples = std::move(run.result.samples);
+  result.report.sampling = run.result.report;
+  if (run.result.status == Outcome::kCancelled) return;
+
+  Stopwatch watch;
+  Outcome status = run.result.status;
+  std::vector<Index> ids;
+  if (options.optimize) {
+    OptimizeOptions optimization = options.optimization;
+    optimization.sizing = sampling.sizing.empty() ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
+    optimization.conflict_rule = sampling.conflict_rule;
+    optimization.seed = sampling.seed;
+    optimization.execution = execution.part(parts.sampling, parts.optimization, "improving triangles");
+    OptimizeResult optimized = optimize_diagram(*run.diagram, result.samples, optimization, ids);
+    result.samples = std::move(optimized.samples);
+    result.report.optimization = std::move(optimized.report);
+    status = std::max(status, result.report.optimization.status);
+    result.report.seconds_optimize = watch.lap();
+    if (status == Outcome::kCancelled) return;
+  }
+  const Execution extracting = execution.part(parts.optimization, parts.extraction, "building the mesh");
+  Triangles triangles = restricted_triangles(*run.diagram, ids, extracting);
+  result.mesh = {result.samples.positions, std::move(triangles)};
+  result.report.seconds_remesh = watch.lap();
+  measure(mesh, *run.diagram, sampling.conflict_rule, execution.part(parts.extraction, 1, "measuring the result"), result);
+  result.report.seconds_report = watch.lap();
+  result.status = status;
 }
 
 }  // namespace
 }  // namespace detail
 
-Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, unsigned threads) {
-  return {samples.positions, detail::restricted_triangles(detail::diagram_of(mesh, samples, threads))};
+Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution) {
+  const Execution run = execution.start();
+  const RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, run.part(0, 0.9));
+  Mesh result{samples.positions, detail::restricted_triangles(diagram, {}, run.part(0.9, 1, "listing triangles"))};
+  run.finish();
+  return result;
 }
 
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
@@ -114,38 +204,17 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
       sampling.target_count = std::max(Index{1}, static_cast<Index>(sampling.target_count / (1 + growth) + 0.5));
     }
   }
-  detail::SamplingRun run = detail::sample_with_diagram(mesh, sampling);
+  const Execution execution = sampling.execution.start();
+  require_usable(mesh);
+  const detail::RemeshParts parts(mesh, sampling, options);
   RemeshResult result;
-  result.status = run.result.status;
-  result.samples = std::move(run.result.samples);
-  result.report.sampling = run.result.report;
-  result.mesh.vertices = result.samples.positions;
-  if (run.diagram == nullptr) return result;
-
-  detail::Stopwatch watch;
-  std::vector<Index> ids;
-  if (options.optimize && result.status == Outcome::kDone) {
-    OptimizeOptions optimization = options.optimization;
-    optimization.sizing = sampling.sizing.empty() ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
-    optimization.conflict_rule = sampling.conflict_rule;
-    optimization.seed = sampling.seed;
-    optimization.threads = sampling.threads;
-    optimization.progress = sampling.progress;
-    OptimizeResult optimized = detail::optimize_diagram(*run.diagram, result.samples, optimization, ids);
-    result.samples = std::move(optimized.samples);
-    result.mesh.vertices = result.samples.positions;
-    result.report.optimization = std::move(optimized.report);
-    result.status = std::max(result.status, result.report.optimization.status);
-  }
-  result.report.seconds_optimize = watch.lap();
-  result.mesh.triangles = detail::restricted_triangles(*run.diagram, ids);
-  result.report.seconds_remesh = watch.lap();
-  // Equal positions are one point to the surface; merging them changes neither area nor facets.
-  result.report.input = topology(merge_equal_vertices(mesh));
-  result.report.output = topology(result.mesh);
-  result.report.quality = quality(result.mesh);
-  result.report.maximality = detail::measure_maximality(*run.diagram, options.sampling.conflict_rule);
-  result.report.seconds_report = watch.lap();
+  result.status = Outcome::kCancelled;
+  detail::completes([&] {
+    sampling.execution = execution.part(0, parts.sampling);
+    detail::sample_and_remesh(mesh, options, sampling, execution, parts, result);
+  });
+  if (result.mesh.vertices.empty()) result.mesh.vertices = result.samples.positions;
+  if (result.status != Outcome::kCancelled) execution.finish();
   return result;
 }
 

@@ -7,6 +7,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/maximality.h"
 #include "amps/mesh.h"
 #include "amps/optimize.h"
@@ -18,11 +19,11 @@
 namespace amps {
 
 struct RemeshOptions {
-  /// With optimisation a target_count is that of the result, met within about 2 %.
+  /// With optimisation a target_count is that of the result, met within about 2 %. `sampling.execution` is that of the whole.
   SamplingOptions sampling;
   /// Improve angles and valences of the maximal set.
   bool optimize = true;
-  /// How. Sizing, conflict rule, seed, threads and progress are those of `sampling`.
+  /// How. Sizing, conflict rule, seed and execution are those of `sampling`.
   OptimizeOptions optimization;
 };
 
@@ -46,13 +47,13 @@ struct RemeshResult {
 };
 
 /// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and
-/// optimize(); cost about twice that of sample(), with the default bounds. Cancelled in optimisation, the mesh is of the best
-/// set so far.
+/// optimize(); cost about twice that of sample(), with the default bounds. Cancelled, it has the best samples so far, a vertex
+/// each, and triangles only if the report was all that was left to do; of a maximal set restricted_triangulation() makes them.
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 
 /// The RRT of a given set: one triangle (i, j, k) for each dual vertex of the restricted power diagram, each triple once.
 /// Oriented as the surface under it, then made consistent across manifold edges by majority per component, so inputs with
-/// flipped facets come out right wherever the output is orientable.
-Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, unsigned threads = 1);
+/// flipped facets come out right wherever the output is orientable. Cancelled, it throws Error(kCancelled).
+Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {});
 
 }  // namespace amps

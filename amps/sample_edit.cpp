@@ -2,10 +2,14 @@
 #include "amps/sample_edit.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <utility>
 
 namespace amps::detail {
 namespace {
+
+/// Of loops that take some 100 ns a sample.
+constexpr std::uint64_t kEditableSamplesPerLook = 8192;
 
 void sort_each_once(std::vector<Index>& ids) {
   std::sort(ids.begin(), ids.end());
@@ -14,13 +18,16 @@ void sort_each_once(std::vector<Index>& ids) {
 
 }  // namespace
 
-EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, VoxelGrid grid)
+EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, VoxelGrid grid,
+                                 const Execution& execution)
     : diagram_(diagram), grid_(std::move(grid)) {
   const auto n = slot(samples.size());
-  samples_.reserve(n);
+  samples_.reserve(n + n / 8);  // optimisation adds some hundredths
   alive_.assign(n, 1);
   is_new_.assign(n, 0);
+  Ticker ticker(execution, n, kEditableSamplesPerLook);
   for (Index s = 0; s < samples.size(); ++s) {
+    ticker.tick();
     samples_.push_back(sample_of(samples, s));
     grid_.insert(samples_.back().position(), samples_.back().radius, s);
   }
@@ -36,11 +43,15 @@ bool EditableSamples::are_apart(const std::vector<Sample>& disks, ConflictRule r
   return true;
 }
 
-SampleSet EditableSamples::collect(std::vector<Index>& ids) const {
+SampleSet EditableSamples::collect(std::vector<Index>& ids, const Execution& execution) const {
   GrowingSet result;
+  result.reserve(samples_.size());
   ids.clear();
+  ids.reserve(samples_.size());
+  Ticker ticker(execution, 2 * samples_.size(), kEditableSamplesPerLook);
   for (const bool made_here : {false, true}) {
     for (Index s = 0; s < size(); ++s) {
+      ticker.tick();
       if (!alive(s) || is_new(s) != made_here) continue;
       ids.push_back(s);
       result.add((*this)[s]);

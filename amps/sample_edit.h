@@ -3,6 +3,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
 #include "amps/samples.h"
@@ -20,7 +21,7 @@ class EditableSamples {
  public:
   /// `diagram`: of exactly these samples, ids being rows; it must outlive this. `grid`: without samples yet, for all radii
   /// there will be.
-  EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, VoxelGrid grid);
+  EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, VoxelGrid grid, const Execution& execution = {});
 
   const RestrictedPowerDiagram& diagram() const { return diagram_; }
   const VoxelGrid& grid() const { return grid_; }
@@ -36,8 +37,11 @@ class EditableSamples {
   /// Exact: do these disks keep the distance of the rule from each other and from all samples?
   bool are_apart(const std::vector<Sample>& disks, ConflictRule rule) const;
 
+  /// RestrictedPowerDiagram::compact(); between edits.
+  void compact(const Execution& execution) { diagram_.compact(execution); }
+
   /// Those that are alive: the given ones in order, then the new ones. `ids` (out): of the rows.
-  SampleSet collect(std::vector<Index>& ids) const;
+  SampleSet collect(std::vector<Index>& ids, const Execution& execution = {}) const;
 
  private:
   friend class SampleEdit;

@@ -70,12 +70,23 @@ void GrowingSet::add(const Sample& sample) {
 }
 
 void GrowingSet::add_all(const SampleSet& samples) {
+  reserve(slot(size()) + slot(samples.size()));
   for (Index s = 0; s < samples.size(); ++s) add(sample_of(samples, s));
 }
 
-void GrowingSet::reorder(const std::vector<Index>& order) {
+void GrowingSet::reserve(std::size_t size) {
+  positions_.reserve(3 * size);
+  barycentrics_.reserve(3 * size);
+  radii_.reserve(size);
+  facets_.reserve(size);
+}
+
+void GrowingSet::reorder(const std::vector<Index>& order, const Execution& execution) {
   GrowingSet sorted;
-  for (const Index s : order) sorted.add((*this)[s]);
+  sorted.reserve(order.size() + order.size() / 2);  // gap filling adds a third
+  for_each_piece(order.size(), kElementsPerLook, execution, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) sorted.add((*this)[order[k]]);
+  });
   *this = std::move(sorted);
 }
 
@@ -83,6 +94,8 @@ Sample GrowingSet::operator[](Index s) const {
   return {{facets_[slot(s)], Eigen::Map<const Vec3>(barycentrics_.data() + 3 * slot(s)), position(s)}, radii_[slot(s)]};
 }
 
-SampleSet GrowingSet::finish() const { return {Points(positions_), radii_, facets_, Points(barycentrics_)}; }
+SampleSet GrowingSet::finish() {
+  return {Points(std::move(positions_)), std::move(radii_), std::move(facets_), Points(std::move(barycentrics_))};
+}
 
 }  // namespace amps::detail

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 
 #include <cstddef>
@@ -89,14 +90,16 @@ class GrowingSet {
   Index size() const { return static_cast<Index>(radii_.size()); }
   void add(const Sample& sample);
   void add_all(const SampleSet& samples);
-  /// Samples get new numbers: `order` lists the old ones, each once.
-  void reorder(const std::vector<Index>& order);
+  /// Samples get new numbers: `order` lists the old ones, each once. Cancelled, it throws, and nothing has changed.
+  void reorder(const std::vector<Index>& order, const Execution& execution = {});
 
   Vec3 position(Index s) const { return Eigen::Map<const Vec3>(positions_.data() + 3 * slot(s)); }
   Sample operator[](Index s) const;
   const std::vector<double>& radii() const { return radii_; }
   PointsView points() const { return {positions_.data(), size()}; }
-  SampleSet finish() const;
+  void reserve(std::size_t size);
+  /// The set; this one is empty then.
+  SampleSet finish();
 
  private:
   std::vector<double> positions_, barycentrics_, radii_;

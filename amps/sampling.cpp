@@ -31,7 +31,33 @@ constexpr std::uint64_t kSeedStride = 0x9e3779b97f4a7c15u;
 /// More samples than this would not leave the triangulation's cells their 32-bit names.
 constexpr Index kMaxSamples = 50'000'000;
 
-/// Darts between two looks at Progress: less than a millisecond.
+/// What each part of sampling costs, in microseconds a sample (of the result) or fragment. Roughly: only for telling how far a
+/// run is. Of the samples, kDartPart come from darts.
+constexpr double kDartCost = 1.4;
+constexpr double kSortCost = 0.35;
+constexpr double kGapCost = 3.3;
+constexpr double kLookCost = 0.25;
+constexpr double kDartPart = 0.74;
+
+/// The same of a whole run.
+struct SamplingCosts {
+  double darts, sort, diagram, gaps;
+
+  SamplingCosts(double samples, double facets, unsigned workers) {
+    darts = kDartCost * samples;
+    sort = kSortCost * samples;
+    diagram = DiagramCosts(facets, kDartPart * samples, workers).all();
+    gaps = kGapCost * samples + kLookCost * expected_fragments(facets, samples);
+  }
+  double all() const { return darts + sort + diagram + gaps; }
+};
+
+/// Shares of the range of progress for the first run for a target_count, and of what is left for each further one. Many need
+/// one or two.
+constexpr double kFirstRunShare = 0.75;
+constexpr double kFurtherRunShare = 0.75;
+
+/// Darts between two looks for a cancel: less than a millisecond.
 constexpr std::uint64_t kDartsPerReport = 1024;
 /// Darts drawn at a time, whatever becomes of the first of them: the voxels they will look at are on their way from memory
 /// meanwhile. A third of the time of a large set.
@@ -105,11 +131,18 @@ struct SamplingTask {
   }
   /// Samples get new numbers, in the order of a curve: what follows reaches for neighbours in space, which now are neighbours
   /// in memory.
-  void sort_along_curve(const Box& box) {
+  void sort_along_curve(const Box& box, const Execution& execution) {
     Stopwatch watch;
-    set.reorder(curve_order(set.points()));
+    const std::vector<Index> order = curve_order(set.points(), execution.part(0, 0.5));
+    set.reorder(order, execution.part(0.5, 0.65));
     grid = VoxelGrid(box, radii.min_of_set(), radii.max_of_set());
-    for (Index s = 0; s < set.size(); ++s) grid.insert(set.position(s), set.radii()[slot(s)], s);
+    constexpr std::size_t kSamplesPerPiece = 8192;
+    for_each_piece(slot(set.size()), kSamplesPerPiece, execution.part(0.65, 1), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t s = begin; s < end; ++s) {
+        const auto id = static_cast<Index>(s);
+        grid.insert(set.position(id), set.radii()[s], id);
+      }
+    });
     report.seconds_darts += watch.lap();
   }
 
@@ -123,7 +156,15 @@ struct SamplingTask {
   Outcome status = Outcome::kDone;
 };
 
-void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected) {
+/// How many darts it takes. The chance that the disk of a dart is free falls with the power −3/2 of their number (Feder,
+/// "Random sequential adsorption", J. Theor. Biol. 1980), and k rejections in a row are due when it is about ln(n)/k. The
+/// factor is measured.
+double expected_darts(double samples, int max_rejections) {
+  const double per_sample = 0.6 * std::pow(max_rejections / std::log(samples + 2), 2.0 / 3);
+  return samples * std::max(1.0, per_sample);
+}
+
+void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected, const Execution& execution) {
   struct Thrown {
     Sample dart;
     Rng after;  ///< the generator once this dart was drawn
@@ -143,8 +184,9 @@ void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected) {
         rejections = 0;
         task.add(next.dart);
       }
-      const bool goes_on = ++task.report.darts % kDartsPerReport != 0 ||
-                           task.options.progress.report("dart throwing", std::min(1.0, task.set.size() / expected));
+      const bool goes_on = ++task.report.darts % kDartsPerReport != 0 || completes([&] {
+        execution.report(std::min(1.0, static_cast<double>(task.report.darts) / expected));
+      });
       if (!goes_on) task.status = Outcome::kCancelled;
       if (!goes_on || rejections >= task.options.max_rejections) {
         task.rng = next.after;
@@ -155,33 +197,38 @@ void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected) {
 }
 
 /// `density` is ∫dA/r².
-void run_darts(SamplingTask& task, double density) {
+void run_darts(SamplingTask& task, double density, const Execution& execution) {
   Stopwatch watch;
-  throw_all(task, SurfaceDarts(task.mesh, task.radii), kSamplesPerDensity * density);
+  const SurfaceDarts darts(task.mesh, task.radii, execution.part(0, 0.02));
+  const double expected = expected_darts(kSamplesPerDensity * density, task.options.max_rejections);
+  throw_all(task, darts, expected, execution.part(0.02, 1));
   task.report.dart_samples = task.set.size();
   task.report.seconds_darts += watch.lap();
 }
 
 /// Second stage: the diagram of the samples so far, filled until no gap is left.
-std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task) {
+std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task, const Execution& execution) {
   Stopwatch watch;
+  const SamplingCosts costs(task.set.size() / kDartPart, static_cast<double>(task.mesh.num_facets()), execution.workers());
+  const double share = costs.diagram / (costs.diagram + costs.gaps);
   auto diagram = std::make_unique<RestrictedPowerDiagram>(task.mesh, task.set.points(), weights_of(task.set.radii()),
-                                                          task.options.threads, task.options.progress);
+                                                          execution.part(0, share));
   task.report.seconds_triangulation += diagram->seconds_triangulation();
   task.report.seconds_diagram += watch.lap() - diagram->seconds_triangulation();
-  if (task.options.progress.cancelled()) {
-    task.status = Outcome::kCancelled;
-    return nullptr;
-  }
+  execution.check();
+  const Execution filling = execution.part(share, 1, "filling gaps");
   GapFiller filler(*diagram, task.grid, task.radii);
-  filler.look_at_all();
+  constexpr double kLookShare = 0.15;
+  filler.look_at_all(filling.part(0, kLookShare));
+  const Execution throwing = filling.part(kLookShare, 1);
   GapFillLimits limits;
-  limits.progress = &task.options.progress;
+  limits.execution = &throwing;
   const GapFilling filled = filler.fill(task.rng, limits, [&](const Sample& sample, Index near) {
+    diagram->compact(throwing);
     task.add(sample);
+    ++task.report.gap_samples;
     diagram->insert(sample.position(), sample.radius * sample.radius, near);
   });
-  task.report.gap_samples += filled.samples;
   task.report.unfilled_gaps += filled.unfilled;
   if (filled.end == GapFilling::End::kCancelled) task.status = Outcome::kCancelled;
   task.report.seconds_gaps += watch.lap();
@@ -206,47 +253,86 @@ void add_up(SamplingReport& total, const SamplingReport& run) {
   total.seconds_gaps += run.seconds_gaps;
 }
 
+/// One run from darts to the last gap.
+SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const WantedRadii& radii, std::uint64_t seed,
+                     const Execution& execution) {
+  const double density = radii.density_integral(total_area(mesh));
+  const Box box = bounding_box(mesh);
+  require_feasible_radii(radii.min(), radii.max(), density, box, options);
+  SamplingTask task(mesh, options, radii, box, seed);
+  const SamplingCosts costs(kSamplesPerDensity * density, static_cast<double>(mesh.num_facets()), execution.workers());
+  const double darts_end = costs.darts / costs.all(), sort_end = (costs.darts + costs.sort) / costs.all();
+  std::unique_ptr<RestrictedPowerDiagram> diagram;
+  const bool complete = completes([&] {
+    run_darts(task, density, execution.part(0, darts_end, "throwing darts"));
+    if (task.status == Outcome::kDone) task.sort_along_curve(box, execution.part(darts_end, sort_end, "throwing darts"));
+    if (task.status == Outcome::kDone) diagram = run_gap_filling(task, execution.part(sort_end, 1));
+  });
+  if (!complete) task.status = Outcome::kCancelled;
+  if (task.status == Outcome::kCancelled) diagram.reset();
+  return finish_run(task, std::move(diagram));
+}
+
+/// The part of the range of progress for a run for a target_count, the first being number 1.
+Execution part_of_attempt(const Execution& execution, int attempt) {
+  double begin = 0, end = kFirstRunShare;
+  for (int k = 1; k < attempt; ++k) {
+    begin = end;
+    end += kFurtherRunShare * (1 - end);
+  }
+  return execution.part(begin, end);
+}
+
 }  // namespace
 
+double expected_samples(const MeshView& mesh, const SamplingOptions& options) {
+  if (options.target_count > 0) return options.target_count;
+  if (options.sizing.empty() && !(options.radius > 0)) return 0;
+  return kSamplesPerDensity * wanted_radii(options).density_integral(total_area(mesh));
+}
+
+double sampling_cost(double samples, double facets, unsigned workers) { return SamplingCosts(samples, facets, workers).all(); }
+
 SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options) {
+  const Execution execution = options.execution.start();
   require_usable(mesh);
   require_sampling_options(options);
   require_one_sizing(mesh, options);
-  const double area = total_area(mesh);
-  const Box box = bounding_box(mesh);
-  const auto run_once = [&](const WantedRadii& radii, std::uint64_t seed) {
-    const double density = radii.density_integral(area);
-    require_feasible_radii(radii.min(), radii.max(), density, box, options);
-    SamplingTask task(mesh, options, radii, box, seed);
-    run_darts(task, density);
-    std::unique_ptr<RestrictedPowerDiagram> diagram;
-    if (task.status == Outcome::kDone) task.sort_along_curve(box);
-    if (task.status == Outcome::kDone) diagram = run_gap_filling(task);
-    return finish_run(task, std::move(diagram));
-  };
   const bool by_field = !options.sizing.empty();
   if (options.target_count == 0) {
-    return run_once(wanted_radii(options), options.seed);
+    SamplingRun run = run_once(mesh, options, wanted_radii(options), options.seed, execution);
+    if (run.result.status == Outcome::kDone) execution.finish();
+    return run;
   }
 
-  CountModel model(mesh, options.sizing, options.target_count);
+  SamplingRun best;
+  best.result.status = Outcome::kCancelled;  // until a run is complete
+  best.result.report.seed = options.seed;
+  std::unique_ptr<CountModel> model;
+  if (!completes(
+          [&] { model = std::make_unique<CountModel>(mesh, options.sizing, options.target_count, execution.part(0, 0.02)); })) {
+    return best;
+  }
   const double target = options.target_count;
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
-  SamplingRun best;
   SamplingReport total;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
-    const double scale = model.scale();
+    const double scale = model->scale();
     const WantedRadii radii =
         by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
-    SamplingRun run = run_once(radii, options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride);
-    if (by_field) run.result.report.sizing_scale = scale;
+    const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
+    SamplingRun run;
+    const bool begun = completes([&] { run = run_once(mesh, options, radii, seed, part_of_attempt(execution, attempt)); });
+    if (begun && by_field) run.result.report.sizing_scale = scale;
     total.attempts = attempt;
     add_up(total, run.result.report);
-    if (run.result.status == Outcome::kCancelled) {
-      best = std::move(run);
+    if (!begun || run.result.status == Outcome::kCancelled) {
+      if (best.result.samples.size() == 0 && begun) best = std::move(run);
+      best.result.status = Outcome::kCancelled;
+      best.diagram.reset();
       break;
     }
-    model.learn(run.result.samples.size());
+    model->learn(run.result.samples.size());
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;
     if (attempt >= kMinTargetAttempts && attempt * target > kTargetSamples) break;
@@ -257,6 +343,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   report.seconds_triangulation = total.seconds_triangulation;
   report.seconds_diagram = total.seconds_diagram;
   report.seconds_gaps = total.seconds_gaps;
+  if (best.result.status == Outcome::kDone) execution.finish();
   return best;
 }
 
@@ -267,6 +354,7 @@ SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
 }
 
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options) {
+  const Execution execution = options.execution.start("throwing darts");
   require_usable(mesh);
   detail::require_sampling_options(options);
   if (options.target_count != 0) {
@@ -279,11 +367,13 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
   const double density = radii.density_integral(total_area(mesh));
   detail::require_feasible_radii(radii.min(), radii.max(), density, box, options);
   detail::SamplingTask task(mesh, options, radii, box, options.seed);
-  detail::run_darts(task, density);
+  if (!detail::completes([&] { detail::run_darts(task, density, execution); })) task.status = Outcome::kCancelled;
+  if (task.status == Outcome::kDone) execution.finish();
   return std::move(detail::finish_run(task, nullptr).result);
 }
 
 SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options) {
+  const Execution execution = options.execution.start();
   require_usable(mesh);
   detail::require_sampling_options(options);
   detail::require_sample_set(existing);
@@ -310,9 +400,19 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
   detail::require_feasible_radii(radii.min(), radii.max(), density, box, options);
   if (!radii.uniform()) detail::require_feasible_radii(radii.min_of_set(), radii.max_of_set(), density, box, options);
   detail::SamplingTask task(mesh, options, radii, box, options.seed);
-  for (Index s = 0; s < existing.size(); ++s) task.add(detail::sample_of(existing, s));
-  auto diagram = detail::run_gap_filling(task);
-  return std::move(detail::finish_run(task, std::move(diagram)).result);
+  task.set.add_all(existing);
+  const bool complete = detail::completes([&] {
+    constexpr double kGridShare = 0.03;
+    detail::Ticker ticker(execution.part(0, kGridShare, "filling gaps"), detail::slot(existing.size()));
+    for (Index s = 0; s < existing.size(); ++s) {
+      task.grid.insert(task.set.position(s), existing.radii[detail::slot(s)], s);
+      ticker.tick();
+    }
+    detail::run_gap_filling(task, execution.part(kGridShare, 1));
+  });
+  if (!complete) task.status = Outcome::kCancelled;
+  if (task.status == Outcome::kDone) execution.finish();
+  return std::move(detail::finish_run(task, nullptr).result);
 }
 
 }  // namespace amps

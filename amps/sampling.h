@@ -40,9 +40,8 @@ struct SamplingOptions {
   /// A radius that would need more samples than this is refused before any work. Sampling takes about 1 KB of memory a sample:
   /// the default stands for 20 GB. At most 5e7 (32-bit names of cells).
   Index max_samples = 20'000'000;
-  /// Threads used where work splits by facet; 0: one per core. The result does not depend on it.
-  unsigned threads = 1;
-  Progress progress;
+  /// Threads, progress and cancelling. The result does not depend on the threads, which share what splits by facet.
+  Execution execution;
 };
 
 struct SamplingReport {
@@ -75,7 +74,7 @@ struct SamplingResult {
 /// of the second follow in the order of their insertion.
 /// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument (options, a sizing field of another mesh), kTooLarge
 /// (radii that would need more than max_samples, estimated before any work). Cancelled: the samples so far (Poisson-disk, not
-/// maximal). Expected O(n log n + #F). Thread-safe.
+/// maximal), or those of an earlier run for target_count (maximal, of another number). Expected O(n log n + #F). Thread-safe.
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
 
 /// The first stage alone: random darts of density 1/r², accepted when they conflict with none before, until max_rejections in a
@@ -91,7 +90,12 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
 
 namespace detail {
 
-/// sample(), and the diagram it ended with (null if cancelled before there was one).
+/// How many samples these options make, roughly; 0 where they are not usable. For foreseeing time only. O(#F).
+double expected_samples(const MeshView& mesh, const SamplingOptions& options);
+/// Microseconds that sample() takes for so many samples, roughly, on `workers` threads.
+double sampling_cost(double samples, double facets, unsigned workers);
+
+/// sample(), and the diagram it ended with (null if it was cancelled).
 struct SamplingRun {
   SamplingResult result;
   std::unique_ptr<RestrictedPowerDiagram> diagram;

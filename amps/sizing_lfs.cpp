@@ -358,8 +358,10 @@ class MedialAxis {
     bool coarse = samples_.coarser_than(shortest, execution.part(from, from));
     // Of a mesh that is fine enough there is one round, of others two or three: each takes half of what is left.
     double to = coarse ? (from + kRoundsEnd) / 2 : kRoundsEnd;
-    RegularTriangulation triangulation = make_triangulation(execution.part(from, from + kTriangulationShare * (to - from)));
-    std::vector<Pole> poles = find_poles(triangulation, execution.part(from + kTriangulationShare * (to - from), to));
+    const double triangulated = from + kTriangulationShare * (to - from);
+    RegularTriangulation triangulation(samples_.positions_from(0), no_weights(samples_.size()),
+                                       execution.part(from, triangulated));
+    std::vector<Pole> poles = find_poles(triangulation, execution.part(triangulated, to));
     for (int round = 0; round < kRounds && coarse; ++round) {
       from = to;
       to = (from + kRoundsEnd) / 2;
@@ -371,7 +373,7 @@ class MedialAxis {
       samples_.refine(
           kSpacing, shortest, [this](const Vec3& x) { return scaled_distance(x); }, job.part(0.1, 0.3));
       if (samples_.size() == before) break;
-      insert_from(before, triangulation, job.part(0.3, 0.8));
+      triangulation.insert(samples_.positions_from(before), no_weights(samples_.size() - before), job.part(0.3, 0.8));
       poles = find_poles(triangulation, job.part(0.8, 1));
       if (samples_.size() - before < kSettled * before) break;
       coarse = samples_.coarser_than(shortest, job.part(1, 1));
@@ -400,14 +402,8 @@ class MedialAxis {
   static constexpr double kSamplesEnd = 0.1, kRoundsEnd = 0.95;  ///< of the time
   static constexpr double kTriangulationShare = 0.8;             ///< of a round; the rest is for poles
 
-  RegularTriangulation make_triangulation(const Execution& execution) const {
-    execution.check();
-    return RegularTriangulation(samples_.positions_from(0));
-  }
-  void insert_from(Index first, RegularTriangulation& triangulation, const Execution& execution) const {
-    execution.check();
-    triangulation.insert(samples_.positions_from(first));
-  }
+  static std::vector<double> no_weights(Index n) { return std::vector<double>(slot(n), 0.0); }
+
   std::vector<Pole> find_poles(const RegularTriangulation& triangulation, const Execution& execution) const {
     return PoleFinder(samples_, triangulation, execution.part(0, 0.6)).poles(execution.part(0.6, 1));
   }

@@ -50,15 +50,22 @@ struct KeyedIndex {
 };
 
 /// Stable sort by the low `bits` bits of the key, least significant digit first.
-void radix_sort(std::vector<KeyedIndex>& items, int bits) {
+void radix_sort(std::vector<KeyedIndex>& items, int bits, const Execution& execution) {
   constexpr int kDigit = 11;
+  const int passes = (bits + kDigit - 1) / kDigit;
   std::vector<KeyedIndex> other(items.size());
-  for (int shift = 0; shift < bits; shift += kDigit) {
+  for (int pass = 0; pass < passes; ++pass) {
+    const int shift = pass * kDigit;
+    const Execution part = execution.part(static_cast<double>(pass) / passes, static_cast<double>(pass + 1) / passes);
     std::size_t start[(1 << kDigit) + 1] = {};
     const auto digit = [shift](const KeyedIndex& item) { return (item.key >> shift) & ((1u << kDigit) - 1); };
-    for (const KeyedIndex& item : items) ++start[digit(item) + 1];
+    for_each_piece(items.size(), kElementsPerLook, part.part(0, 0.3), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) ++start[digit(items[k]) + 1];
+    });
     for (int d = 0; d < 1 << kDigit; ++d) start[d + 1] += start[d];
-    for (const KeyedIndex& item : items) other[start[digit(item)]++] = item;
+    for_each_piece(items.size(), kElementsPerLook, part.part(0.3, 1), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) other[start[digit(items[k])]++] = items[k];
+    });
     items.swap(other);
   }
 }
@@ -71,7 +78,7 @@ constexpr std::size_t kFirstRound = 2048;  // below this a further round costs m
 /// Sorts order[begin, end) along the Hilbert curve of its own bounding box, in rounds if those are asked for; groups that fall
 /// into one grid cell are sorted again by themselves, so clusters at any scale end up in order.
 void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& order, std::size_t begin, std::size_t end,
-                  InsertionOrder* rounds, unsigned threads) {
+                  InsertionOrder* rounds, const Execution& execution) {
   constexpr std::size_t kSmallGroup = 16;
   const std::size_t n = end - begin;
   if (rounds != nullptr) {
@@ -80,14 +87,16 @@ void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& 
   }
   if (n <= kSmallGroup) return;
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
-  for (std::size_t k = begin; k < end; ++k) {
-    const WeightedPoint& p = points[static_cast<std::size_t>(order[k])];
-    const double x[3] = {p.x, p.y, p.z};
-    for (int a = 0; a < 3; ++a) {
-      low[a] = std::min(low[a], x[a]);
-      high[a] = std::max(high[a], x[a]);
+  for_each_piece(n, kElementsPerLook, execution.part(0, 0.1), [&](std::size_t from, std::size_t to) {
+    for (std::size_t k = begin + from; k < begin + to; ++k) {
+      const WeightedPoint& p = points[static_cast<std::size_t>(order[k])];
+      const double x[3] = {p.x, p.y, p.z};
+      for (int a = 0; a < 3; ++a) {
+        low[a] = std::min(low[a], x[a]);
+        high[a] = std::max(high[a], x[a]);
+      }
     }
-  }
+  });
   // Halves, because the extent itself may overflow.
   const double extent = std::max({high[0] / 2 - low[0] / 2, high[1] / 2 - low[1] / 2, high[2] / 2 - low[2] / 2});
   if (!(extent > 0)) return;
@@ -125,16 +134,20 @@ void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& 
     }
     return {key, index};
   };
-  parallel_for(n, kSortGrain, threads, [&](std::size_t from, std::size_t to) {
+  const Execution keying = execution.part(0.1, 0.4);
+  WorkCounter keyed_so_far(keying, n);
+  parallel_for(n, kSortGrain, keying, [&](std::size_t from, std::size_t to) {
     for (std::size_t k = from; k < to; ++k) items[k] = keyed(order[begin + k]);
+    keyed_so_far.add(to - from);
   });
   int bits = 3 * levels;
   for (int k = round_count - 1; k > 0; k >>= 1) ++bits;
-  radix_sort(items, bits);
-  for (std::size_t k = 0; k < n; ++k) order[begin + k] = items[k].index;
-  if (rounds != nullptr) {
-    rounds->round_ends.clear();
-    for (std::size_t k = 0; k < n; ++k) {
+  radix_sort(items, bits, execution.part(0.4, 0.8));
+  if (rounds != nullptr) rounds->round_ends.clear();
+  for_each_piece(n, kElementsPerLook, execution.part(0.8, 0.9), [&](std::size_t from, std::size_t to) {
+    for (std::size_t k = from; k < to; ++k) {
+      order[begin + k] = items[k].index;
+      if (rounds == nullptr) continue;
       // The upper 32 bits of the place on the curve.
       const std::uint64_t place = items[k].key & ((std::uint64_t{1} << (3 * levels)) - 1);
       rounds->curve[k] = static_cast<std::uint32_t>(3 * levels >= 32 ? place >> (3 * levels - 32) : place << (32 - 3 * levels));
@@ -142,33 +155,42 @@ void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& 
         rounds->round_ends.push_back(static_cast<Index>(k + 1));
       }
     }
-  }
+  });
+  const Execution groups = execution.part(0.9, 1);
+  Ticker ticker(groups, n, kElementsPerLook);
   for (std::size_t k = 0; k < n;) {
     std::size_t group_end = k + 1;
     while (group_end < n && items[group_end].key == items[k].key) ++group_end;
-    if (group_end - k < n) hilbert_sort(points, order, begin + k, begin + group_end, nullptr, 1);
+    if (group_end - k > kSmallGroup && group_end - k < n) {
+      const double all = static_cast<double>(n);
+      hilbert_sort(points, order, begin + k, begin + group_end, nullptr,
+                   groups.part(static_cast<double>(k) / all, static_cast<double>(group_end) / all).on_one_thread());
+    }
+    ticker.tick(group_end - k);
     k = group_end;
   }
 }
 
 }  // namespace
 
-InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids, unsigned threads) {
+InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids, const Execution& execution) {
   InsertionOrder result;
-  hilbert_sort(points, ids, 0, ids.size(), &result, threads);
+  hilbert_sort(points, ids, 0, ids.size(), &result, execution);
   result.ids = std::move(ids);
   return result;
 }
 
-std::vector<Index> curve_order(const PointsView& points) {
+std::vector<Index> curve_order(const PointsView& points, const Execution& execution) {
   std::vector<WeightedPoint> sites(static_cast<std::size_t>(points.rows()));
   std::vector<Index> ids(sites.size());
-  for (std::size_t k = 0; k < sites.size(); ++k) {
-    const Vec3 x = points[static_cast<std::ptrdiff_t>(k)];
-    sites[k] = {x[0], x[1], x[2], 0};
-    ids[k] = static_cast<Index>(k);
-  }
-  hilbert_sort(sites, ids, 0, ids.size(), nullptr, 1);
+  for_each_piece(sites.size(), kElementsPerLook, execution.part(0, 0.1), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const Vec3 x = points[static_cast<std::ptrdiff_t>(k)];
+      sites[k] = {x[0], x[1], x[2], 0};
+      ids[k] = static_cast<Index>(k);
+    }
+  });
+  hilbert_sort(sites, ids, 0, ids.size(), nullptr, execution.part(0.1, 1));
   return ids;
 }
 

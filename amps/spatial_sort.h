@@ -4,6 +4,7 @@
 
 #include "amps/base.h"
 #include "amps/buffers.h"
+#include "amps/execution.h"
 #include "amps/predicates.h"
 
 #include <cstdint>
@@ -18,9 +19,11 @@ struct InsertionOrder {
 };
 
 /// The order for the given points; a function of the points and their ids alone, whatever the number of threads. O(n).
-InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids, unsigned threads = 1);
+/// Cancelled, both throw Error(kCancelled).
+InsertionOrder insertion_order(const std::vector<WeightedPoint>& points, std::vector<Index> ids,
+                               const Execution& execution = {});
 
 /// The ids 0 … #P − 1 in the order of the points along one curve: neighbours in the list are neighbours in space. O(n).
-std::vector<Index> curve_order(const PointsView& points);
+std::vector<Index> curve_order(const PointsView& points, const Execution& execution = {});
 
 }  // namespace amps::detail

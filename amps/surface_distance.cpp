@@ -140,7 +140,7 @@ class OneSidedMeasure {
   /// Distances of all vertices. Along a curve, so that each starts from the facet nearest to its neighbour.
   void measure_vertices(const Execution& execution) {
     at_vertex_.resize(detail::slot(from_.num_vertices()));
-    const std::vector<Index> order = detail::curve_order(from_.vertices);
+    const std::vector<Index> order = detail::curve_order(from_.vertices, execution.part(0, 0.2));
     constexpr std::size_t kGrain = 1024;
     detail::WorkCounter counter(execution.part(0.2, 1), order.size());
     parallel_for(order.size(), kGrain, execution, [&](std::size_t begin, std::size_t end) {

@@ -58,27 +58,36 @@ using detail::slot;
 
 RegularTriangulation::RegularTriangulation(const PointsView& positions) { insert(positions); }
 
-RegularTriangulation::RegularTriangulation(const PointsView& positions, const ValuesView& weights, unsigned threads) {
-  insert(positions, weights, threads);
+RegularTriangulation::RegularTriangulation(const PointsView& positions, const ValuesView& weights, const Execution& execution) {
+  insert(positions, weights, execution);
 }
 
-void RegularTriangulation::insert(const PointsView& positions) {
-  const Index first = num_vertices();
-  append_points(positions, nullptr);
-  bulk_insert(first, 1);
-}
+void RegularTriangulation::insert(const PointsView& positions) { insert_all(positions, nullptr, {}); }
 
-void RegularTriangulation::insert(const PointsView& positions, const ValuesView& weights, unsigned threads) {
+void RegularTriangulation::insert(const PointsView& positions, const ValuesView& weights, const Execution& execution) {
   if (weights.size() != positions.rows()) {
     throw Error(ErrorCode::kInvalidArgument, "triangulation: " + std::to_string(positions.rows()) + " points with " +
                                                  std::to_string(weights.size()) + " weights; give one weight a point");
   }
-  const Index first = num_vertices();
-  append_points(positions, &weights);
-  bulk_insert(first, threads);
+  insert_all(positions, &weights, execution);
 }
 
-void RegularTriangulation::append_points(const PointsView& positions, const ValuesView* weights) {
+void RegularTriangulation::insert_all(const PointsView& positions, const ValuesView* weights, const Execution& execution) {
+  const Execution run = execution.start("triangulating");
+  const Index first = num_vertices();
+  const bool complete = detail::completes([&] {
+    const Execution appending = run.part(0, 0.05);
+    append_points(positions, weights, &appending);
+    bulk_insert(first, run.part(0.05, 1));
+  });
+  if (!complete) {
+    *this = RegularTriangulation();
+    run.check();
+  }
+  run.finish();
+}
+
+void RegularTriangulation::append_points(const PointsView& positions, const ValuesView* weights, const Execution* execution) {
   detail::require_exact_arithmetic();
   const std::ptrdiff_t n = positions.rows();
   constexpr std::ptrdiff_t kMaxPoints = (std::ptrdiff_t{1} << 29) / 8;  // so that 4·cell + face fits an Index
@@ -86,19 +95,28 @@ void RegularTriangulation::append_points(const PointsView& positions, const Valu
     throw Error(ErrorCode::kTooLarge,
                 "triangulation: more than " + std::to_string(kMaxPoints) + " points; split the set or use a larger radius");
   }
-  for (std::ptrdiff_t k = 0; k < n; ++k) {
-    if (!positions[k].allFinite() || (weights != nullptr && !std::isfinite((*weights)[k]))) {
-      throw Error(ErrorCode::kInvalidArgument,
-                  "triangulation: point " + std::to_string(k) + " is not finite (NaN or infinity); remove or repair it");
+  const auto in_pieces = [&](double from, double to, const auto& body) {
+    const auto count = static_cast<std::size_t>(n);
+    if (execution == nullptr) return body(std::size_t{0}, count);
+    detail::for_each_piece(count, detail::kElementsPerLook, execution->part(from, to), body);
+  };
+  in_pieces(0, 0.3, [&](std::size_t begin, std::size_t end) {
+    for (auto k = static_cast<std::ptrdiff_t>(begin); k < static_cast<std::ptrdiff_t>(end); ++k) {
+      if (!positions[k].allFinite() || (weights != nullptr && !std::isfinite((*weights)[k]))) {
+        throw Error(ErrorCode::kInvalidArgument,
+                    "triangulation: point " + std::to_string(k) + " is not finite (NaN or infinity); remove or repair it");
+      }
     }
-  }
+  });
   const std::size_t total = points_.size() + static_cast<std::size_t>(n);
   if (total > points_.capacity()) points_.reserve(std::max(total, 2 * points_.capacity()));  // single insertions: amortised
-  for (std::ptrdiff_t k = 0; k < n; ++k) {
-    const Vec3 x = positions[k];
-    points_.push_back({x[0], x[1], x[2], weights != nullptr ? (*weights)[k] : 0.0});
-    grow_bounds(points_.back());
-  }
+  in_pieces(0.3, 1, [&](std::size_t begin, std::size_t end) {
+    for (auto k = static_cast<std::ptrdiff_t>(begin); k < static_cast<std::ptrdiff_t>(end); ++k) {
+      const Vec3 x = positions[k];
+      points_.push_back({x[0], x[1], x[2], weights != nullptr ? (*weights)[k] : 0.0});
+      grow_bounds(points_.back());
+    }
+  });
   state_.resize(total, VertexState::kVisible);
   vertex_cell_.resize(total, kNone);
 }
@@ -140,13 +158,14 @@ bool RegularTriangulation::extend_basis(Index v) {
   return false;
 }
 
-void RegularTriangulation::bulk_insert(Index first, unsigned threads) {
+/// Once it has begun, a cancel leaves what cannot be used any more.
+void RegularTriangulation::bulk_insert(Index first, const Execution& execution) {
   if (first == num_vertices()) return;
   if (dimension_ < 3) first = 0;  // nothing has a cell yet: start over with all points
   std::vector<Index> id_of_rank, removed;
   id_of_rank.reserve(points_.size() - slot(first));
   for (Index v = first; v < num_vertices(); ++v) (state(v) == VertexState::kRemoved ? removed : id_of_rank).push_back(v);
-  detail::InsertionOrder order = detail::insertion_order(points_, std::move(id_of_rank), threads);
+  detail::InsertionOrder order = detail::insertion_order(points_, std::move(id_of_rank), execution.part(0, 0.1));
   id_of_rank = std::move(order.ids);
 
   if (dimension_ < 3) {
@@ -167,25 +186,37 @@ void RegularTriangulation::bulk_insert(Index first, unsigned threads) {
   const Index count = static_cast<Index>(id_of_rank.size());
   id_of_rank.insert(id_of_rank.end(), removed.begin(), removed.end());
   order.ids = std::move(id_of_rank);
-  build(order, count, threads);
+  build(order, count, execution.part(0.1, 1));
 }
 
-/// Inserts the first `count` points of the order; the others are removed ones. They are moved into that order in memory while
-/// it lasts, so that neighbours in space are neighbours in cache.
-void RegularTriangulation::build(detail::InsertionOrder& order, Index count, unsigned threads) {
+/// Points are moved into the order in which they are inserted while that lasts, so that neighbours in space are neighbours in
+/// cache. Those after the first `count` are removed ones.
+void RegularTriangulation::move_into_order(const std::vector<Index>& id_of_rank, Index first, Index count,
+                                           const Execution& execution) {
+  std::vector<WeightedPoint> sorted(id_of_rank.size());
+  detail::for_each_piece(sorted.size(), detail::kElementsPerLook, execution, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) sorted[k] = points_[slot(id_of_rank[k])];
+  });
+  detail::for_each_piece(sorted.size(), detail::kElementsPerLook, execution, [&](std::size_t begin, std::size_t end) {
+    const auto from = static_cast<std::ptrdiff_t>(begin), to = static_cast<std::ptrdiff_t>(end);
+    std::copy(sorted.begin() + from, sorted.begin() + to, points_.begin() + first + from);
+  });
+  std::fill(state_.begin() + first, state_.begin() + first + count, VertexState::kVisible);
+  std::fill(state_.begin() + first + count, state_.end(), VertexState::kRemoved);
+}
+
+/// Inserts the first `count` points of the order; the others are removed ones.
+void RegularTriangulation::build(detail::InsertionOrder& order, Index count, const Execution& execution) {
   std::vector<Index>& id_of_rank = order.ids;
   const Index first = num_vertices() - static_cast<Index>(id_of_rank.size());
-  {
-    std::vector<WeightedPoint> sorted(id_of_rank.size());
-    for (std::size_t k = 0; k < sorted.size(); ++k) sorted[k] = points_[slot(id_of_rank[k])];
-    std::copy(sorted.begin(), sorted.end(), points_.begin() + first);
-    std::fill(state_.begin() + first, state_.begin() + first + count, VertexState::kVisible);
-    std::fill(state_.begin() + first + count, state_.end(), VertexState::kRemoved);
-  }
-  const std::size_t expected_cells = cells_.size() + id_of_rank.size() * 7 + 64;
+  move_into_order(id_of_rank, first, count, execution.part(0, 0.03));
+  // 7 in a volume. Insertions one by one may follow, and moving the cells of a million points would take a tenth of a second.
+  constexpr std::size_t kRoomPerPoint = 10;
+  const std::size_t expected_cells = cells_.size() + id_of_rank.size() * kRoomPerPoint + 64;
   cells_.reserve(expected_cells);
   mark_.reserve(expected_cells);
-  bulk_ = true;
+  const Execution inserting = execution.part(0.03, 0.92);
+  bulk_ = &inserting;
   Index next = first;
   bool in_pieces = false;
   if (dimension_ < 3) {
@@ -193,16 +224,19 @@ void RegularTriangulation::build(detail::InsertionOrder& order, Index count, uns
     next = first + 4;
     in_pieces = first == 0;  // then all vertices have a place on the curve, as parallel insertion needs
   }
+  const auto share = [&](Index v) { return static_cast<double>(v - first) / static_cast<double>(count); };
+  constexpr Index kInsertionsPerLook = 256;
   const auto insert_rank = [&](Index v) {
     last_cell_ = insert_vertex(v, last_cell_);
     if (state(v) == VertexState::kDuplicate) settle_duplicate(v, first, id_of_rank);
+    if (v % kInsertionsPerLook == 0) inserting.report(share(v));
   };
   for (Index round_end : order.round_ends) {
     round_end += first;
     const Index round_begin = next;
     std::vector<Index> rest;
-    if (in_pieces && threads != 1 && next < round_end) {
-      next = insert_in_parallel(next, round_end, order.curve, threads, rest);
+    if (in_pieces && execution.workers() > 1 && next < round_end) {
+      next = insert_in_parallel(next, round_end, order.curve, inserting.part(share(next), share(round_end)), rest);
       // Where long cells join the pieces (random points on a surface) most insertions are given up; it will not get better.
       in_pieces = 4 * rest.size() < slot(round_end - round_begin);
       for (const Index v : rest) insert_rank(v);
@@ -215,8 +249,8 @@ void RegularTriangulation::build(detail::InsertionOrder& order, Index count, uns
     }
     next = round_end;
   }
-  bulk_ = false;
-  finish_bulk(first, id_of_rank, threads);
+  bulk_ = nullptr;
+  finish_bulk(first, id_of_rank, execution.part(0.92, 1));
 }
 
 /// Of equal points the lowest id stays: the vertex in the cells takes it over.
@@ -228,32 +262,39 @@ void RegularTriangulation::settle_duplicate(Index rank, Index first, std::vector
 }
 
 /// Back from ranks to the caller's ids, and what insertion leaves undone in bulk: cells of vertices, hidden points, counts.
-void RegularTriangulation::finish_bulk(Index first, const std::vector<Index>& id_of_rank, unsigned threads) {
+void RegularTriangulation::finish_bulk(Index first, const std::vector<Index>& id_of_rank, const Execution& execution) {
+  using detail::for_each_piece;
+  using detail::kElementsPerLook;
   num_finite_ = num_ghosts_ = num_hidden_ = 0;
   for (Index v = 0; v < num_vertices(); ++v) {
     if (v >= first || state(v) == VertexState::kVisible) vertex_cell_[slot(v)] = kNone;
   }
   constexpr std::size_t kCellGrain = 1 << 14;
-  parallel_for(cells_.size(), kCellGrain, threads, [&](std::size_t from, std::size_t to) {
+  parallel_for(cells_.size(), kCellGrain, execution.part(0, 0.4), [&](std::size_t from, std::size_t to) {
     for (std::size_t c = from; c < to; ++c) {
       if (!cells_[c].alive()) continue;
       for (Index& v : cells_[c].vertex) v = v >= first ? id_of_rank[slot(v - first)] : v;
     }
   });
-  for (Index c = 0; c < cell_capacity(); ++c) {
-    const Cell& here = cell(c);
-    if (!here.alive()) continue;
-    ++(here.ghost() ? num_ghosts_ : num_finite_);
-    for (const Index v : here.vertex) {
-      if (v != kInfinite) vertex_cell_[slot(v)] = c;
+  for_each_piece(cells_.size(), kElementsPerLook, execution.part(0.4, 0.75), [&](std::size_t from, std::size_t to) {
+    for (std::size_t c = from; c < to; ++c) {
+      const Cell& here = cells_[c];
+      if (!here.alive()) continue;
+      ++(here.ghost() ? num_ghosts_ : num_finite_);
+      for (const Index v : here.vertex) {
+        if (v != kInfinite) vertex_cell_[slot(v)] = static_cast<Index>(c);
+      }
     }
-  }
+  });
+  execution.report(0.75);
   const std::vector<WeightedPoint> points(points_.begin() + first, points_.end());
   const std::vector<VertexState> states(state_.begin() + first, state_.end());
-  for (std::size_t k = 0; k < id_of_rank.size(); ++k) {
-    points_[slot(id_of_rank[k])] = points[k];
-    state_[slot(id_of_rank[k])] = states[k];
-  }
+  for_each_piece(id_of_rank.size(), kElementsPerLook, execution.part(0.8, 0.85), [&](std::size_t from, std::size_t to) {
+    for (std::size_t k = from; k < to; ++k) {
+      points_[slot(id_of_rank[k])] = points[k];
+      state_[slot(id_of_rank[k])] = states[k];
+    }
+  });
   // Vertices left without a cell have been hidden by a later one. Earlier hidden points keep their cell if it still lives.
   const auto settle = [this](Index v) {
     if (state(v) == VertexState::kRemoved) return;
@@ -264,8 +305,11 @@ void RegularTriangulation::finish_bulk(Index first, const std::vector<Index>& id
     if (state(v) != VertexState::kVisible) ++num_hidden_;
   };
   for (Index v = 0; v < first; ++v) settle(v);
-  for (const Index v : id_of_rank) settle(v);  // along the curve, so that the walks of place_hidden are short
-  place_hidden(last_cell_);
+  for_each_piece(id_of_rank.size(), kElementsPerLook, execution.part(0.85, 0.9), [&](std::size_t from, std::size_t to) {
+    for (std::size_t k = from; k < to; ++k) settle(id_of_rank[k]);  // along the curve: the walks of place_hidden are short
+  });
+  const Execution placing = execution.part(0.9, 1);
+  place_hidden(last_cell_, &placing);
 }
 
 void RegularTriangulation::start_simplex(const std::array<Index, 4>& corner) {
@@ -306,7 +350,7 @@ Index RegularTriangulation::insert(const Vec3& position, double weight, Index hi
   append_points({position.data(), 1}, &weights);
   hidden_by_last_.clear();
   if (dimension_ < 3) {
-    if (extend_basis(v)) bulk_insert(v, 1);
+    if (extend_basis(v)) bulk_insert(v, {});
     return v;
   }
   place(v, hint);
@@ -377,6 +421,12 @@ Index RegularTriangulation::walk(const WeightedPoint& q, Index start, const deta
   }
 }
 
+/// Within one insertion of a bulk, of a point that sees most of the hull: looks for a cancel once in many cells.
+inline void RegularTriangulation::look(std::size_t k) const {
+  constexpr std::size_t kCellsPerLook = std::size_t{1} << 14;
+  if ((k + 1) % kCellsPerLook == 0 && bulk_ != nullptr) bulk_->report(0);
+}
+
 /// Collects the cells in conflict with q, and the facets around them.
 void RegularTriangulation::dig_cavity(Index start, const WeightedPoint& q) {
   work_.conflict.clear();
@@ -384,6 +434,7 @@ void RegularTriangulation::dig_cavity(Index start, const WeightedPoint& q) {
   work_.conflict.push_back(start);
   mark_[slot(start)] = kInConflict;
   for (std::size_t k = 0; k < work_.conflict.size(); ++k) {  // the list is its own queue
+    look(k);
     const Index c = work_.conflict[k];
     for (int f = 0; f < 4; ++f) {
       const Index beyond = cells_[slot(c)].neighbor[slot(f)];
@@ -439,7 +490,9 @@ void RegularTriangulation::collect_cavity_vertices() {
 
 /// Replaces the cavity by the star of v: one new cell on each facet of its boundary.
 Index RegularTriangulation::fill_cavity(Workspace& work, Index v) {
-  for (BoundaryFacet& facet : work.boundary) {
+  for (std::size_t n = 0; n < work.boundary.size(); ++n) {
+    look(n);
+    BoundaryFacet& facet = work.boundary[n];
     const Index c = allocate_cell(work);
     Cell& cell = cells_[slot(c)];
     const int k = facet.inside & 3;
@@ -460,7 +513,9 @@ Index RegularTriangulation::fill_cavity(Workspace& work, Index v) {
     vertex_cell_[slot(v)] = work.boundary.front().inside >> 2;
     for (const Index old : work.conflict) --(cells_[slot(old)].ghost() ? num_ghosts_ : num_finite_);
   }
-  for (const Index old : work.conflict) {
+  for (std::size_t n = 0; n < work.conflict.size(); ++n) {
+    look(n);
+    const Index old = work.conflict[n];
     Cell& dead = cells_[slot(old)];
     dead.vertex[0] = kNone;
     mark_[slot(old)] = kUntested;
@@ -514,7 +569,9 @@ void RegularTriangulation::glue_large_star(Workspace& work) {
   constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
   work.open_edges.assign(std::size_t{1} << bits, {kEmpty, kNone});
   const std::size_t last = work.open_edges.size() - 1;
-  for (const BoundaryFacet& facet : work.boundary) {
+  for (std::size_t n = 0; n < work.boundary.size(); ++n) {
+    look(n);
+    const BoundaryFacet& facet = work.boundary[n];
     Cell& cell = cells_[slot(facet.inside >> 2)];
     const int* corner = kFaceCorners[facet.inside & 3];
     for (int e = 0; e < 3; ++e) {
@@ -580,35 +637,50 @@ void RegularTriangulation::release_hidden(Index c) {
 }
 
 /// Attaches waiting hidden points to the finite cells that contain them.
-void RegularTriangulation::place_hidden(Index hint) {
-  for (const Index v : unplaced_) {
+void RegularTriangulation::place_hidden(Index hint, const Execution* execution) {
+  constexpr std::size_t kPlacedPerLook = 1024;
+  for (std::size_t k = 0; k < unplaced_.size(); ++k) {
+    const Index v = unplaced_[k];
     hint = walk(point(v), hint, bounds_);
     attach_hidden(v, hint);
+    if (execution != nullptr && k % kPlacedPerLook == 0) {
+      execution->report(static_cast<double>(k) / static_cast<double>(unplaced_.size()));
+    }
   }
   unplaced_.clear();
 }
 
 // Queries
 
-Tetrahedra RegularTriangulation::cells() const {
+Tetrahedra RegularTriangulation::cells(const Execution& execution) const {
+  const Execution run = execution.start("listing tetrahedra");
   Tetrahedra result(num_finite_);
   std::ptrdiff_t row = 0;
-  for (const Cell& c : cells_) {
-    if (!c.alive() || c.ghost()) continue;
-    for (int k = 0; k < 4; ++k) result(row, k) = c.vertex[slot(k)];
-    ++row;
-  }
+  detail::for_each_piece(cells_.size(), detail::kElementsPerLook, run, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t at = begin; at < end; ++at) {
+      const Cell& c = cells_[at];
+      if (!c.alive() || c.ghost()) continue;
+      for (int k = 0; k < 4; ++k) result(row, k) = c.vertex[slot(k)];
+      ++row;
+    }
+  });
+  run.finish();
   return result;
 }
 
-Triangles RegularTriangulation::hull() const {
+Triangles RegularTriangulation::hull(const Execution& execution) const {
+  const Execution run = execution.start("listing the hull");
   Triangles result(num_ghosts_);
   std::ptrdiff_t row = 0;
-  for (const Cell& c : cells_) {
-    if (!c.alive() || !c.ghost()) continue;
-    for (int k = 0; k < 3; ++k) result(row, k) = c.vertex[slot(k)];
-    ++row;
-  }
+  detail::for_each_piece(cells_.size(), detail::kElementsPerLook, run, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t at = begin; at < end; ++at) {
+      const Cell& c = cells_[at];
+      if (!c.alive() || !c.ghost()) continue;
+      for (int k = 0; k < 3; ++k) result(row, k) = c.vertex[slot(k)];
+      ++row;
+    }
+  });
+  run.finish();
   return result;
 }
 
@@ -641,39 +713,52 @@ void RegularTriangulation::neighbors(Index v, std::vector<Index>& out) const {
   out.erase(std::unique(out.begin(), out.end()), out.end());
 }
 
-RegularTriangulation::Adjacency RegularTriangulation::adjacency() const {
+RegularTriangulation::Adjacency RegularTriangulation::adjacency(const Execution& execution) const {
   // Every edge lies in at least three cells: count, scatter, then thin and sort each vertex's list.
+  using detail::for_each_piece;
+  using detail::kElementsPerLook;
+  const Execution run = execution.start("listing neighbours");
   Adjacency result;
   std::vector<Index> start(points_.size() + 1, 0);
-  for (const Cell& c : cells_) {
-    if (!c.alive()) continue;
-    const int corners = c.ghost() ? 3 : 4;
-    for (int k = 0; k < corners; ++k) start[slot(c.vertex[slot(k)]) + 1] += corners - 1;
-  }
+  for_each_piece(cells_.size(), kElementsPerLook, run.part(0, 0.1), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t at = begin; at < end; ++at) {
+      const Cell& c = cells_[at];
+      if (!c.alive()) continue;
+      const int corners = c.ghost() ? 3 : 4;
+      for (int k = 0; k < corners; ++k) start[slot(c.vertex[slot(k)]) + 1] += corners - 1;
+    }
+  });
   for (std::size_t v = 0; v < points_.size(); ++v) start[v + 1] += start[v];
-  std::vector<Index> scattered(slot(start.back()));
+  std::vector<Index, detail::UninitializedAllocator<Index>> scattered(slot(start.back()));
   std::vector<Index> cursor(start.begin(), start.end() - 1);
-  for (const Cell& c : cells_) {
-    if (!c.alive()) continue;
-    const int corners = c.ghost() ? 3 : 4;
-    for (int k = 0; k < corners; ++k) {
-      for (int m = 0; m < corners; ++m) {
-        if (m != k) scattered[slot(cursor[slot(c.vertex[slot(k)])]++)] = c.vertex[slot(m)];
+  constexpr std::size_t kCellsPerLook = kElementsPerLook / 8;  // each may touch several pages of memory for the first time
+  for_each_piece(cells_.size(), kCellsPerLook, run.part(0.1, 0.5), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t at = begin; at < end; ++at) {
+      const Cell& c = cells_[at];
+      if (!c.alive()) continue;
+      const int corners = c.ghost() ? 3 : 4;
+      for (int k = 0; k < corners; ++k) {
+        for (int m = 0; m < corners; ++m) {
+          if (m != k) scattered[slot(cursor[slot(c.vertex[slot(k)])]++)] = c.vertex[slot(m)];
+        }
       }
     }
-  }
+  });
   result.offset.reserve(points_.size() + 1);
   result.offset.push_back(0);
   result.adjacent.reserve(scattered.size() / 4);
   std::vector<Index> last_seen(points_.size(), kNone);
-  for (Index v = 0; v < num_vertices(); ++v) {
-    for (Index k = start[slot(v)]; k < start[slot(v) + 1]; ++k) {
-      const Index u = scattered[slot(k)];
-      if (std::exchange(last_seen[slot(u)], v) != v) result.adjacent.push_back(u);
+  for_each_piece(points_.size(), kElementsPerLook / 4, run.part(0.5, 1), [&](std::size_t begin, std::size_t end) {
+    for (Index v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) {
+      for (Index k = start[slot(v)]; k < start[slot(v) + 1]; ++k) {
+        const Index u = scattered[slot(k)];
+        if (std::exchange(last_seen[slot(u)], v) != v) result.adjacent.push_back(u);
+      }
+      std::sort(result.adjacent.begin() + result.offset.back(), result.adjacent.end());
+      result.offset.push_back(static_cast<Index>(result.adjacent.size()));
     }
-    std::sort(result.adjacent.begin() + result.offset.back(), result.adjacent.end());
-    result.offset.push_back(static_cast<Index>(result.adjacent.size()));
-  }
+  });
+  run.finish();
   return result;
 }
 
@@ -754,11 +839,21 @@ std::string cell_name(Index c) { return "cell " + std::to_string(c); }
 }  // namespace
 }  // namespace detail
 
-std::string RegularTriangulation::check(int level) const {
+std::string RegularTriangulation::check(int level, const Execution& execution) const {
+  const Execution run = execution.start("checking the triangulation");
+  std::string violation = find_violation(level, run);
+  run.finish();
+  return violation;
+}
+
+std::string RegularTriangulation::find_violation(int level, const Execution& execution) const {
   using detail::cell_name;
   if (dimension_ < 3) return num_finite_ == 0 ? "" : "cells in a flat set";
   Index finite = 0, ghosts = 0;
+  // Once over all cells and points, and over the cells again.
+  detail::Ticker ticker(execution, 2 * cells_.size() + points_.size());
   for (Index c = 0; c < cell_capacity(); ++c) {
+    ticker.tick();
     const Cell& here = cell(c);
     if (!here.alive()) continue;
     ++(here.ghost() ? ghosts : finite);
@@ -788,6 +883,7 @@ std::string RegularTriangulation::check(int level) const {
   if (finite != num_finite_ || ghosts != num_ghosts_) return "cell counts are off";
   Index hidden = 0;
   for (Index v = 0; v < num_vertices(); ++v) {
+    ticker.tick();
     if (state(v) == VertexState::kRemoved) continue;
     const Index c = vertex_cell_[slot(v)];
     if (c < 0 || c >= cell_capacity() || !cell(c).alive()) return "vertex " + std::to_string(v) + ": no cell";
@@ -809,6 +905,7 @@ std::string RegularTriangulation::check(int level) const {
   if (level < 2) return "";
 
   for (Index c = 0; c < cell_capacity(); ++c) {
+    ticker.tick();
     const Cell& here = cell(c);
     if (!here.alive()) continue;
     for (std::size_t k = 0; k < 4; ++k) {
@@ -822,6 +919,7 @@ std::string RegularTriangulation::check(int level) const {
   }
   if (level < 3) return "";
   for (Index v = 0; hidden > 0 && v < num_vertices(); ++v) {
+    ticker.tick();
     if (state(v) == VertexState::kVisible || state(v) == VertexState::kRemoved) continue;
     const Index c = vertex_cell_[slot(v)];
     bool has_twin = false;

@@ -8,7 +8,7 @@
 // the weighted points alone, not of their order, and no cell is ever flat. Of points with equal positions the greatest weight
 // wins and hides the others; with equal weights too the one with the lowest id stays and the others are duplicates.
 //
-//   amps::RegularTriangulation t(positions, weights);          // #P by 3, #P; a third argument: threads
+//   amps::RegularTriangulation t(positions, weights);          // #P by 3, #P; a third argument: Execution
 //   for (amps::Index c = 0; c < t.cell_capacity(); ++c) {
 //     if (!t.cell(c).alive() || t.cell(c).ghost()) continue;   // a ghost stands on a facet of the hull
 //     visit(t.cell(c).vertex);                                 // four rows of `positions`, positively oriented
@@ -30,11 +30,14 @@
 // Limits. 2^29 cells. Any finite doubles. Degenerate sets (all points on one plane, line or point) have no cells; dimension()
 // says so, and insertion goes on from there.
 //
+// Const members that take an Execution throw Error(kCancelled) when cancelled.
+//
 // Thread-safety: const members may be called concurrently; everything else needs exclusive access.
 #pragma once
 
 #include "amps/base.h"
 #include "amps/buffers.h"
+#include "amps/execution.h"
 #include "amps/predicates.h"
 
 #include <algorithm>
@@ -103,14 +106,15 @@ class RegularTriangulation {
 
   /// Bulk construction: insert(positions, weights).
   explicit RegularTriangulation(const PointsView& positions);
-  RegularTriangulation(const PointsView& positions, const ValuesView& weights, unsigned threads = 1);
+  RegularTriangulation(const PointsView& positions, const ValuesView& weights, const Execution& execution = {});
 
   /// Inserts a list of points: ids are num_vertices()… in row order. No weights: all 0.
   /// Throws Error(kInvalidArgument): a coordinate or weight not finite (names the row), sizes differ, more than 2^29 cells.
   /// Nothing has changed then.
   void insert(const PointsView& positions);
-  /// With more than one thread (0: one per core) large sets go in in parallel, with the same cells; small ones stay sequential.
-  void insert(const PointsView& positions, const ValuesView& weights, unsigned threads = 1);
+  /// With more than one thread large sets go in in parallel, with the same cells; small ones stay sequential. Cancelled, it
+  /// throws Error(kCancelled), and the triangulation is empty then: what it held before is gone too.
+  void insert(const PointsView& positions, const ValuesView& weights, const Execution& execution = {});
 
   /// Inserts one point and returns its id. `hint`: a cell near it (kNone: the last one touched).
   Index insert(const Vec3& position, double weight, Index hint = kNone);
@@ -148,9 +152,9 @@ class RegularTriangulation {
   Index num_ghosts() const { return num_ghosts_; }  ///< = hull facets
 
   /// #C by 4 corners of the finite cells, in storage order.
-  Tetrahedra cells() const;
+  Tetrahedra cells(const Execution& execution = {}) const;
   /// #H by 3 hull facets, outward: counter-clockwise seen from outside.
-  Triangles hull() const;
+  Triangles hull(const Execution& execution = {}) const;
 
   /// Some cell with corner v (kNone for hidden points and while dimension() < 3).
   Index incident_cell(Index v) const {
@@ -167,7 +171,7 @@ class RegularTriangulation {
     std::vector<Index> offset;
     std::vector<Index> adjacent;
   };
-  Adjacency adjacency() const;
+  Adjacency adjacency(const Execution& execution = {}) const;
 
   /// The cell that contains x, boundary included; a ghost cell whose hull facet sees x if x is outside the hull. `hint`: a cell
   /// to start from. Requires dimension() == 3 (else kNone). Throws Error(kInvalidArgument) if x is not finite.
@@ -183,7 +187,7 @@ class RegularTriangulation {
   ///   2: and every facet locally regular, hull facets included: then so is the whole triangulation (Edelsbrunner & Shah 1996)
   ///   3: and hidden points are hidden
   /// Linear in the number of cells and points.
-  std::string check(int level = 3) const;
+  std::string check(int level = 3, const Execution& execution = {}) const;
 
  private:
   friend struct detail::TriangulationTestAccess;
@@ -214,14 +218,16 @@ class RegularTriangulation {
   static constexpr std::size_t kSmallStar = 64;     ///< vertices around a cavity that a table of all pairs is made for
   static constexpr std::uint32_t kStampStep = 256;  ///< local_: 24 bits of stamp, 8 bits of number
 
-  void append_points(const PointsView& positions, const ValuesView* weights);
+  void insert_all(const PointsView& positions, const ValuesView* weights, const Execution& execution);
+  void append_points(const PointsView& positions, const ValuesView* weights, const Execution* execution = nullptr);
   void grow_bounds(const WeightedPoint& p);
   void start_simplex(const std::array<Index, 4>& corner);
   bool extend_basis(Index v);
-  void build(detail::InsertionOrder& order, Index count, unsigned threads);
+  void build(detail::InsertionOrder& order, Index count, const Execution& execution);
+  void move_into_order(const std::vector<Index>& id_of_rank, Index first, Index count, const Execution& execution);
   void settle_duplicate(Index rank, Index first, std::vector<Index>& id_of_rank);
-  void bulk_insert(Index first, unsigned threads);
-  void finish_bulk(Index first, const std::vector<Index>& id_of_rank, unsigned threads);
+  void bulk_insert(Index first, const Execution& execution);
+  void finish_bulk(Index first, const std::vector<Index>& id_of_rank, const Execution& execution);
   Index insert_vertex(Index v, Index hint);
 
   bool in_conflict(Index c, const WeightedPoint& q) const;
@@ -233,6 +239,7 @@ class RegularTriangulation {
       detail::prefetch(&mark_[static_cast<std::size_t>(next >> 2)]);
     }
   }
+  void look(std::size_t k) const;
   void dig_cavity(Index start, const WeightedPoint& q);
   void collect_cavity_vertices();
   Index fill_cavity(Workspace& work, Index v);
@@ -243,7 +250,7 @@ class RegularTriangulation {
 
   // Parallel bulk insertion (triangulation_parallel.cpp).
   void clear_cells(Index begin, Index end) { std::fill(cells_.begin() + begin, cells_.begin() + end, Cell{}); }
-  Index insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve, unsigned threads,
+  Index insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve, const Execution& execution,
                            std::vector<Index>& rest);
 
   // Removal (triangulation_edit.cpp).
@@ -272,10 +279,11 @@ class RegularTriangulation {
   bool fill_hole_from_link(Index v);
   void detach_hidden(Index v);
 
+  std::string find_violation(int level, const Execution& execution) const;
   void hide(Index v, VertexState state);
   void attach_hidden(Index v, Index c);
   void release_hidden(Index c);
-  void place_hidden(Index hint);
+  void place_hidden(Index hint, const Execution* execution = nullptr);
 
   bool is_vertex(Index v) const {
     return state(v) == VertexState::kVisible && vertex_cell_[static_cast<std::size_t>(v)] != kNone;
@@ -303,7 +311,8 @@ class RegularTriangulation {
   // Hidden points of a cell form a singly linked list. Both arrays stay empty until a point hides.
   std::vector<Index> hidden_head_;  ///< by cell
   std::vector<Index> hidden_next_;  ///< by vertex
-  bool bulk_ = false;               ///< hidden points are attached once, at the end of a bulk insertion
+  /// Of a bulk insertion while it lasts, else null. Hidden points are attached once, at its end.
+  const Execution* bulk_ = nullptr;
 
   std::vector<std::uint8_t> mark_;  ///< by cell: scratch of an insertion
   std::vector<Index> hidden_by_last_;

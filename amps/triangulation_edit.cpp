@@ -339,7 +339,10 @@ bool RegularTriangulation::fill_hole_from_link(Index v) {
     positions[k] = p.position();
     weights[k] = p.w;
   }
-  RegularTriangulation link(positions, weights);
+  RegularTriangulation link;
+  const ValuesView link_weights(weights);
+  link.append_points(positions, &link_weights);
+  link.bulk_insert(0, {});
   if (link.dimension() < 3) return false;
   const WeightedPoint q = point(v);
   const ValuesView weight(&q.w, 1);

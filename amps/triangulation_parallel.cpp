@@ -16,7 +16,6 @@
 #include "amps/execution.h"
 
 #include <algorithm>
-#include <thread>
 
 namespace amps {
 
@@ -59,9 +58,11 @@ class RegularTriangulation::ParallelWorker {
     return std::any_of(corner.begin(), corner.end(), [this](Index v) { return v != kInfinite && owns(v); });
   }
 
-  void run(const std::vector<Index>& vertices, std::vector<Index>& given_up) {
-    for (const Index v : vertices) {
-      if (!try_insert(v)) given_up.push_back(v);
+  void run(const std::vector<Index>& vertices, std::vector<Index>& given_up, detail::WorkCounter& done) {
+    constexpr std::size_t kInsertionsPerLook = 256;
+    for (std::size_t k = 0; k < vertices.size(); ++k) {
+      if (!try_insert(vertices[k])) given_up.push_back(vertices[k]);
+      if (k % kInsertionsPerLook == 0) done.add(kInsertionsPerLook);
     }
   }
 
@@ -189,11 +190,11 @@ class RegularTriangulation::ParallelWorker {
 /// Inserts the vertices begin … end − 1, one round along the curve. Returns begin if that is not worth several threads, else
 /// end, with the vertices left over in `rest`. Vertices and ranks are the same here.
 Index RegularTriangulation::insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve,
-                                               unsigned threads, std::vector<Index>& rest) {
+                                               const Execution& execution, std::vector<Index>& rest) {
   constexpr Index kLeastPerThread = 8000;  // below, too much of a region is border
-  if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency());
+  constexpr double kFirstPass = 0.9;       // of the time
   const Index count = end - begin;
-  const Index workers_wanted = std::min(static_cast<Index>(std::min(threads, 256u)), count / kLeastPerThread);
+  const Index workers_wanted = std::min(static_cast<Index>(std::min(execution.workers(), 256u)), count / kLeastPerThread);
   if (workers_wanted < 2) return begin;
   const auto num_workers = static_cast<std::size_t>(workers_wanted);
 
@@ -241,10 +242,12 @@ Index RegularTriangulation::insert_in_parallel(Index begin, Index end, const std
         if (state(v) == VertexState::kVisible) start_cells[k] = last_cell_;
       }
     }
-    parallel_for(num_workers, 1, static_cast<unsigned>(num_workers), [&](std::size_t k, std::size_t) {
+    const Execution pass_execution = execution.part(shift == 0 ? 0 : kFirstPass, shift == 0 ? kFirstPass : 1);
+    detail::WorkCounter done(pass_execution, rest.size());
+    parallel_for(num_workers, 1, pass_execution, [&](std::size_t k, std::size_t) {
       if (share[k].empty()) return;
       if (workers[k].start_at(start_cells[k])) {
-        workers[k].run(share[k], given_up[k]);
+        workers[k].run(share[k], given_up[k], done);
       } else {
         given_up[k] = share[k];
       }

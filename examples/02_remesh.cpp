@@ -16,9 +16,9 @@ int main(int argc, char** argv) try {
 
   amps::RemeshOptions options;
   options.sampling.target_count = 3000;
-  options.sampling.threads = 0;  // one per core; the result is the same for any number
+  options.sampling.execution.threads = 0;  // one per core; the result is the same for any number
   const auto start = std::chrono::steady_clock::now();
-  options.sampling.progress = amps::Progress([&](const char*, double) {  // false stops the work
+  options.sampling.execution.progress = amps::Progress([&](const char*, double) {  // false stops the work
     return std::chrono::steady_clock::now() - start < std::chrono::minutes(2);
   });
 

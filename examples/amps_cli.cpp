@@ -38,7 +38,7 @@ amps::SamplingOptions sampling_options(const Arguments& arguments) {
   options.radius = arguments.positive("--radius");
   options.target_count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
   options.seed = arguments.whole("--seed", options.seed, 0, UINT64_MAX);
-  options.threads = threads_of(arguments);
+  options.execution.threads = threads_of(arguments);
   return options;
 }
 
@@ -58,11 +58,11 @@ int run_sample(const Arguments& arguments) {
   double seconds_verify = 0;
   {
     Watch watch(arguments.quiet());
-    options.progress = watch.progress;
+    options.execution.progress = watch.progress;
     result = amps::sample(mesh, options);
     watch.check(result.status);
     const Stopwatch verify;
-    certificate = amps::verify_maximal(mesh, result.samples, options.threads);
+    certificate = amps::verify_maximal(mesh, result.samples, options.execution.threads);
     seconds_verify = verify.seconds();
     watch.check(result.status);
   }
@@ -135,7 +135,7 @@ int run_remesh(const Arguments& arguments) {
   amps::RemeshResult result;
   {
     Watch watch(arguments.quiet());
-    options.sampling.progress = watch.progress;
+    options.sampling.execution.progress = watch.progress;
     result = amps::remesh(mesh, options);
     watch.check(result.status);
   }

@@ -86,7 +86,7 @@ OptimizeRun run_case(const OptimizeCase& c, AngleBounds bounds, std::uint64_t se
   OptimizeRun run;
   amps::SamplingOptions sampling = c.options;
   sampling.seed = seed;
-  sampling.threads = threads;
+  sampling.execution.threads = threads;
   amps::detail::Stopwatch watch;
   double start = processor_seconds();
   amps::detail::SamplingRun sampled = amps::detail::sample_with_diagram(c.mesh, sampling);
@@ -98,7 +98,7 @@ OptimizeRun run_case(const OptimizeCase& c, AngleBounds bounds, std::uint64_t se
   options.min_angle = bounds.min;
   options.max_angle = bounds.max;
   options.seed = seed;
-  options.threads = threads;
+  options.execution.threads = threads;
   options.sizing = c.options.sizing;
   std::vector<amps::Index> ids;
   watch.lap();
