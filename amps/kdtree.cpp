@@ -144,7 +144,7 @@ struct KdTree::Impl {
     return result;
   }
 
-  /// nanoflann asks some 6 times a point and level (measured, from 10⁴ to 10⁶ points).
+  /// nanoflann asks some 5 times a point and level (measured, from 10⁴ to 10⁶ points).
   static std::uint64_t expected_calls(std::size_t n) {
     std::uint64_t levels = 1;
     for (std::size_t left = n / kLeafSize; left > 1; left /= 2) ++levels;
@@ -164,7 +164,7 @@ struct KdTree::Impl {
 
  private:
   static constexpr std::size_t kLeafSize = 10;
-  static constexpr std::uint64_t kCallsPerLevel = 6;
+  static constexpr std::uint64_t kCallsPerLevel = 5;
 };
 
 KdTree::KdTree(const PointsView& points, const Execution& execution) {

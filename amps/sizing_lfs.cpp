@@ -215,7 +215,7 @@ class PoleFinder {
  public:
   PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation, const Execution& execution)
       : samples_(samples), triangulation_(triangulation) {
-    balls_.resize(slot(triangulation.cell_capacity()));
+    detail::resize_watched(balls_, slot(triangulation.cell_capacity()), PoleBall(), execution.part(0, 0));
     for_each_index(triangulation.cell_capacity(), execution.part(0, 0.5), [&](Index c) {
       const auto& cell = triangulation.cell(c);
       if (cell.alive() && !cell.ghost()) balls_[slot(c)] = pole_ball(triangulation, cell);

@@ -391,7 +391,8 @@ struct SurfaceTree::Impl {
   Impl(const MeshView& view, const Execution& execution)
       : mesh(view.copy()), unit(tree_unit(bounding_box(view, execution.part(0, 0.1)))) {
     const auto count = static_cast<std::size_t>(view.num_facets());
-    std::vector<BuildItem> items(count);
+    std::vector<BuildItem> items;
+    detail::resize_watched(items, count, BuildItem{{}, Vec3::Zero(), kNone}, execution.part(0.1, 0.1));
     detail::for_each_index(count, execution.part(0.1, 0.2), [&](std::size_t i) {
       const auto f = static_cast<Index>(i);
       for (int k = 0; k < 3; ++k) items[i].box.add(unit.in(view.corner(f, k)));
