@@ -7,13 +7,9 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>  // cross products
 
-#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
-#include <memory>
-#include <mutex>
 #include <stdexcept>
 #include <string>
 

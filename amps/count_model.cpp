@@ -42,11 +42,13 @@ double gradient_integral(const MeshView& mesh, const SizingField& field, const E
 }
 
 /// ∫ds/r along the boundary of the surface (r = 1 without a field), by Simpson's rule on each edge.
-double boundary_integral(const MeshView& mesh, const SizingField& field) {
-  const Mesh merged = merge_equal_vertices(mesh);  // soups have no boundary but the surface's
-  const MeshEdges edges(merged.triangles, static_cast<Index>(merged.vertices.rows()));
+double boundary_integral(const MeshView& mesh, const SizingField& field, const Execution& execution) {
+  const Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.3));  // soups have no boundary but the surface's
+  const MeshEdges edges(merged.triangles, static_cast<Index>(merged.vertices.rows()), {}, execution.part(0.3, 0.9));
+  Ticker ticker(execution.part(0.9, 1), edges.size(), kElementsPerLook);
   double sum = 0;
   for (std::size_t e = 0; e < edges.size(); ++e) {
+    ticker.tick();
     if (!edges[e].boundary()) continue;
     const EdgeSide side = edges[e][0];
     const int next = (side.k + 1) % 3;
@@ -66,7 +68,8 @@ double boundary_integral(const MeshView& mesh, const SizingField& field) {
 
 CountModel::CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution)
     : target_(target), inner_(kSamplesPerDensity * (field.empty() ? total_area(mesh) : field.density_integral())) {
-  border_ = std::min(kSamplesPerBoundary * boundary_integral(mesh, field), kMaxPartAtBoundary * std::sqrt(target_ * inner_));
+  border_ = std::min(kSamplesPerBoundary * boundary_integral(mesh, field, execution.part(0, 0.5)),
+                     kMaxPartAtBoundary * std::sqrt(target_ * inner_));
   if (!field.empty()) border_ -= kLostToGradient * kSamplesPerDensity * gradient_integral(mesh, field, execution.part(0.5, 1));
 }
 

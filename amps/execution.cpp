@@ -68,22 +68,6 @@ double Progress::fraction() const noexcept { return state_->fraction.load(std::m
 
 const char* Progress::stage() const noexcept { return state_->stage.load(std::memory_order_relaxed); }
 
-bool Progress::report(const char* stage, double fraction) const {
-  {
-    const std::lock_guard<std::mutex> lock(state_->calling);
-    // Threads report in any order: the farthest of a stage counts.
-    if (state_->stage.load(std::memory_order_relaxed) == stage && fraction <= 1) {
-      fraction = std::max(fraction, state_->fraction.load(std::memory_order_relaxed));
-    }
-    state_->stage.store(stage, std::memory_order_relaxed);
-    state_->fraction.store(fraction, std::memory_order_relaxed);
-    if (state_->callback && !state_->callback(stage, fraction)) {
-      state_->cancelled.store(true, std::memory_order_relaxed);
-    }
-  }
-  return !cancelled();
-}
-
 /// A job begins: the fraction and the stage of the one before are forgotten.
 void Progress::begin() const noexcept {
   state_->fraction.store(0.0, std::memory_order_relaxed);

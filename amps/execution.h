@@ -54,9 +54,6 @@ class Progress {
   double fraction() const noexcept;
   const char* stage() const noexcept;
 
-  /// For code that does not take an Execution yet: publish where we are. Returns false if the call should stop.
-  bool report(const char* stage, double fraction) const;
-
  private:
   friend class Execution;
   struct State;

@@ -79,9 +79,9 @@ class SeparationMeasure {
       if (!diagram_.removed(i)) sites.push_back(diagram_.site(i));
     }
     const auto n = static_cast<Index>(sites.size());
-    const KdTree tree(PointsView(&sites.data()->x, n, sizeof(WeightedPoint)));
+    const KdTree tree(PointsView(&sites.data()->x, n, sizeof(WeightedPoint)), execution.part(0, 0.4));
     std::vector<KdTree::Neighbor> found;
-    Ticker ticker(execution, sites.size());
+    Ticker ticker(execution.part(0.4, 1), sites.size());
     for (Index i = 0; i < n; ++i) {
       ticker.tick();
       const WeightedPoint& p = sites[slot(i)];

@@ -57,8 +57,8 @@ constexpr std::size_t kItemsPerBatch = 32;
 constexpr std::size_t kItemsPerTask = 8;
 /// Stars a thread reads at a time.
 constexpr std::size_t kStarsPerTask = 1024;
-/// Samples between two looks for a cancel, in loops that take up to 1 µs for each.
-constexpr std::uint64_t kSamplesPerLook = 4096;
+/// Samples or fragments between two looks for a cancel, in loops that take up to 1 µs for each.
+constexpr std::uint64_t kEntriesPerLook = 4096;
 /// Refills of the diagram itself, where a patch cannot be copied.
 constexpr int kRefillsInPlace = 8;
 /// Of three such refills one takes out so many neighbours too.
@@ -146,7 +146,7 @@ AngleRange angles_of_all(OptimizeState& state, const Execution& execution) {
   const auto add = [&](Index a, Index b, Index c) {
     range.add(samples[a].position(), samples[b].position(), samples[c].position());
   };
-  Ticker ticker(execution, slot(samples.size()), kSamplesPerLook);
+  Ticker ticker(execution, slot(samples.size()), kEntriesPerLook);
   for (Index s = 0; s < samples.size(); ++s) {
     ticker.tick();
     if (!samples.alive(s)) continue;
@@ -488,14 +488,14 @@ class Optimizer {
     // Reports of 0 tell nothing new; they look for a cancel.
     if (measure_all || state_.report.iterations.empty()) range = angles_of_all(state_, execution.part(0, measure_all ? 1 : 0));
     for (Index s = 0; s < samples.size(); ++s) {
-      if (slot(s) % kSamplesPerLook == 0) execution.report(0);
+      if (slot(s) % kEntriesPerLook == 0) execution.report(0);
       if (!samples.alive(s)) continue;
       ++line.samples;
       line.energy += state_.stars.energy[slot(s)];
       if (state_.stars.energy[slot(s)] > 0) state_.reader.list_bad(s, items);
     }
     for (std::size_t k = 0; k < items.size(); ++k) {
-      if (k % kSamplesPerLook == 0) execution.report(0);
+      if (k % kEntriesPerLook == 0) execution.report(0);
       const BadItem& item = items[k];
       ++(item.is_vertex() ? line.bad_vertices : line.bad_triangles);
       if (!item.is_vertex()) range.add(samples[item.a].position(), samples[item.b].position(), samples[item.c].position());
@@ -656,7 +656,7 @@ double optimization_cost(const OptimizeOptions& options, double samples, bool un
 }
 
 bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution) {
-  Ticker ticker(execution, slot(diagram.fragment_capacity()), kSamplesPerLook);
+  Ticker ticker(execution, slot(diagram.fragment_capacity()), kEntriesPerLook);
   for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
     ticker.tick();
     if (diagram.alive(f) && !diagram.covered(diagram.polygon(f))) return true;

@@ -64,7 +64,7 @@ void orient_consistently(Triangles& triangles, Index num_vertices, const Executi
   const std::size_t n = static_cast<std::size_t>(triangles.rows());
   std::vector<std::array<Link, 3>> links(n, {Link{kNone, true}, Link{kNone, true}, Link{kNone, true}});
   std::vector<std::uint8_t> link_count(n, 0);
-  const MeshEdges edges(triangles, num_vertices);
+  const MeshEdges edges(triangles, num_vertices, {}, execution.part(0, 0.6));
   Ticker linking(execution.part(0.6, 0.8), edges.size(), kElementsPerLook);
   for (std::size_t e = 0; e < edges.size(); ++e) {
     linking.tick();
@@ -143,11 +143,12 @@ struct RemeshParts {
 void measure(const MeshView& mesh, const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution,
              RemeshResult& result) {
   // Equal positions are one point to the surface; merging them changes neither area nor facets.
-  result.report.input = topology(merge_equal_vertices(mesh));
-  execution.report(0.1);
-  result.report.output = topology(result.mesh);
-  execution.report(0.3);
-  result.report.quality = quality(result.mesh);
+  {
+    const Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.03));
+    result.report.input = topology(merged, execution.part(0.03, 0.05));
+  }
+  result.report.output = topology(result.mesh, execution.part(0.05, 0.3));
+  result.report.quality = quality(result.mesh, execution.part(0.3, 0.5));
   result.report.maximality = measure_maximality(diagram, rule, execution.part(0.5, 1));
 }
 

@@ -309,8 +309,10 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   best.result.status = Outcome::kCancelled;  // until a run is complete
   best.result.report.seed = options.seed;
   std::unique_ptr<CountModel> model;
-  if (!completes(
-          [&] { model = std::make_unique<CountModel>(mesh, options.sizing, options.target_count, execution.part(0, 0.02)); })) {
+  if (!completes([&] {
+        model =
+            std::make_unique<CountModel>(mesh, options.sizing, options.target_count, execution.part(0, 0.02, "throwing darts"));
+      })) {
     return best;
   }
   const double target = options.target_count;

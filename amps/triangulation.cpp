@@ -421,10 +421,18 @@ Index RegularTriangulation::walk(const WeightedPoint& q, Index start, const deta
   }
 }
 
-/// Within one insertion of a bulk, of a point that sees most of the hull: looks for a cancel once in many cells.
-inline void RegularTriangulation::look(std::size_t k) const {
-  constexpr std::size_t kCellsPerLook = std::size_t{1} << 14;
-  if ((k + 1) % kCellsPerLook == 0 && bulk_ != nullptr) bulk_->report(0);
+namespace detail {
+namespace {
+
+/// A cavity of so many cells is looked at for a cancel while it is dug and filled: of a point that sees most of the hull.
+constexpr std::size_t kManyCells = std::size_t{1} << 14;
+
+}  // namespace
+}  // namespace detail
+
+/// Out of line, so that the loops around it stay small.
+void RegularTriangulation::look() const {
+  if (bulk_ != nullptr) bulk_->report(0);
 }
 
 /// Collects the cells in conflict with q, and the facets around them.
@@ -433,8 +441,12 @@ void RegularTriangulation::dig_cavity(Index start, const WeightedPoint& q) {
   work_.boundary.clear();
   work_.conflict.push_back(start);
   mark_[slot(start)] = kInConflict;
+  std::size_t next_look = detail::kManyCells;
   for (std::size_t k = 0; k < work_.conflict.size(); ++k) {  // the list is its own queue
-    look(k);
+    if (k == next_look) {
+      look();
+      next_look += detail::kManyCells;
+    }
     const Index c = work_.conflict[k];
     for (int f = 0; f < 4; ++f) {
       const Index beyond = cells_[slot(c)].neighbor[slot(f)];
@@ -490,9 +502,8 @@ void RegularTriangulation::collect_cavity_vertices() {
 
 /// Replaces the cavity by the star of v: one new cell on each facet of its boundary.
 Index RegularTriangulation::fill_cavity(Workspace& work, Index v) {
-  for (std::size_t n = 0; n < work.boundary.size(); ++n) {
-    look(n);
-    BoundaryFacet& facet = work.boundary[n];
+  const bool large = work.conflict.size() > detail::kManyCells;
+  for (BoundaryFacet& facet : work.boundary) {
     const Index c = allocate_cell(work);
     Cell& cell = cells_[slot(c)];
     const int k = facet.inside & 3;
@@ -513,14 +524,14 @@ Index RegularTriangulation::fill_cavity(Workspace& work, Index v) {
     vertex_cell_[slot(v)] = work.boundary.front().inside >> 2;
     for (const Index old : work.conflict) --(cells_[slot(old)].ghost() ? num_ghosts_ : num_finite_);
   }
-  for (std::size_t n = 0; n < work.conflict.size(); ++n) {
-    look(n);
-    const Index old = work.conflict[n];
+  if (large) look();
+  for (const Index old : work.conflict) {
     Cell& dead = cells_[slot(old)];
     dead.vertex[0] = kNone;
     mark_[slot(old)] = kUntested;
     work.free_cells.push_back(old);
   }
+  if (large) look();
   if (work.boundary.size() / 2 + 2 <= kSmallStar) {
     glue_small_star(work);
   } else {
@@ -569,9 +580,7 @@ void RegularTriangulation::glue_large_star(Workspace& work) {
   constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
   work.open_edges.assign(std::size_t{1} << bits, {kEmpty, kNone});
   const std::size_t last = work.open_edges.size() - 1;
-  for (std::size_t n = 0; n < work.boundary.size(); ++n) {
-    look(n);
-    const BoundaryFacet& facet = work.boundary[n];
+  for (const BoundaryFacet& facet : work.boundary) {
     Cell& cell = cells_[slot(facet.inside >> 2)];
     const int* corner = kFaceCorners[facet.inside & 3];
     for (int e = 0; e < 3; ++e) {

@@ -239,7 +239,7 @@ class RegularTriangulation {
       detail::prefetch(&mark_[static_cast<std::size_t>(next >> 2)]);
     }
   }
-  void look(std::size_t k) const;
+  void look() const;
   void dig_cavity(Index start, const WeightedPoint& q);
   void collect_cavity_vertices();
   Index fill_cavity(Workspace& work, Index v);

@@ -33,6 +33,9 @@ constexpr int kExitTrouble = 2;
 constexpr int kExitGaps = 3;
 constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as a shell reports it
 
+/// Where the parts of a command end, of its time: rough, since it depends on input and options.
+constexpr double kRead = 0.03, kSized = 0.25, kSampled = 0.85, kWorked = 0.96;
+
 amps::SamplingOptions sampling_options(const Arguments& arguments) {
   amps::SamplingOptions options;
   options.radius = arguments.positive("--radius");
@@ -49,25 +52,21 @@ int run_sample(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
 
   const Stopwatch total;
-  const amps::Mesh mesh = load(arguments.operand(0));
+  Watch watch(arguments.quiet(), options.execution.threads);
+  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
   const double seconds_read = total.seconds();
-  options.sizing = make_sizing(sizing, mesh);
+  const double sized = sizing.kind == "uniform" ? kRead : kSized;
+  options.sizing = make_sizing(sizing, mesh, watch.part(kRead, sized));
   const double seconds_sizing = total.seconds() - seconds_read;
-  amps::SamplingResult result;
-  amps::MaximalityReport certificate;
-  double seconds_verify = 0;
-  {
-    Watch watch(arguments.quiet());
-    options.execution.progress = watch.progress;
-    result = amps::sample(mesh, options);
-    watch.check(result.status);
-    const Stopwatch verify;
-    certificate = amps::verify_maximal(mesh, result.samples, options.execution.threads);
-    seconds_verify = verify.seconds();
-    watch.check(result.status);
-  }
+  options.execution = watch.part(sized, kSampled);
+  const amps::SamplingResult result = amps::sample(mesh, options);
+  watch.check(result.status);
+  const Stopwatch verify;
+  const amps::MaximalityReport certificate = amps::verify_maximal(mesh, result.samples, watch.part(kSampled, kWorked));
+  const double seconds_verify = verify.seconds();
   const Stopwatch write;
-  amps::write_samples(arguments.operand(1), result.samples);
+  amps::write_samples(arguments.operand(1), result.samples, watch.part(kWorked, 1));
+  watch.finish();
   Seconds seconds{{"read", seconds_read}, {"sizing", seconds_sizing}};
   for (const auto& stage : seconds_of(result.report)) seconds.push_back(stage);
   seconds.insert(seconds.end(), {{"verify", seconds_verify}, {"write", write.seconds()}, {"total", total.seconds()}});
@@ -127,27 +126,27 @@ int run_remesh(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
 
   const Stopwatch total;
-  const amps::Mesh mesh = load(arguments.operand(0));
+  Watch watch(arguments.quiet(), options.sampling.execution.threads);
+  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
   const double seconds_read = total.seconds();
-  options.sampling.sizing = make_sizing(sizing, mesh);
+  const double sized = sizing.kind == "uniform" ? kRead : kSized;
+  options.sampling.sizing = make_sizing(sizing, mesh, watch.part(kRead, sized));
   const double seconds_sizing = total.seconds() - seconds_read;
+  options.sampling.execution = watch.part(sized, kWorked);
   const Stopwatch work;
-  amps::RemeshResult result;
-  {
-    Watch watch(arguments.quiet());
-    options.sampling.execution.progress = watch.progress;
-    result = amps::remesh(mesh, options);
-    watch.check(result.status);
-  }
+  const amps::RemeshResult result = amps::remesh(mesh, options);
+  watch.check(result.status);
   const double seconds_work = work.seconds();
   const Stopwatch write;
+  // An interruption leaves all files as they were, or, once the first is in place, none: the others are then written too.
+  amps::write_mesh(arguments.operand(1), result.mesh, {}, watch.part(kWorked, 1));
   if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
-  amps::write_mesh(arguments.operand(1), result.mesh);
   if (arguments.has("--convergence")) {
     std::ostringstream convergence;
     amps::write_convergence(convergence, result.report.optimization);
     write_file(arguments.text("--convergence"), convergence.str());
   }
+  watch.finish();
   const double seconds_write = write.seconds();
 
   const amps::RemeshReport& report = result.report;
@@ -199,14 +198,16 @@ int run_remesh(const Arguments& arguments) {
 int run_gaps(const Arguments& arguments) {
   if (arguments.operands() > 2) require_mesh_output(arguments, arguments.operand(2));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
-  const unsigned threads = threads_of(arguments);
-  const amps::Mesh mesh = load(arguments.operand(0));
-  const amps::SampleSet samples = amps::read_samples(arguments.operand(1));
-  const amps::MaximalityReport report = amps::verify_maximal(mesh, samples, threads);
-  const double area = amps::total_area(mesh);
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.05));
+  const amps::SampleSet samples = amps::read_samples(arguments.operand(1), watch.part(0.05, 0.1));
+  const amps::MaximalityReport report = amps::verify_maximal(mesh, samples, watch.part(0.1, 0.5));
+  const double area = amps::total_area(mesh, watch.part(0.5, 0.51));
   if (arguments.operands() > 2 && report.gaps > 0) {
-    amps::write_mesh(arguments.operand(2), amps::find_gaps(mesh, samples, threads).primitives);
+    const amps::GapSet gaps = amps::find_gaps(mesh, samples, watch.part(0.51, kWorked));
+    amps::write_mesh(arguments.operand(2), gaps.primitives, {}, watch.part(kWorked, 1));
   }
+  watch.finish();
 
   Json json = begin_json("gaps");
   json.add("samples", samples.size()).add("surface_area", area);
@@ -232,14 +233,22 @@ int run_gaps(const Arguments& arguments) {
 int run_info(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
   const bool compare = arguments.has("--reference");
+  Watch watch(arguments.quiet(), threads_of(arguments));
   amps::DistanceOptions options;
-  options.execution.threads = threads_of(arguments);
-  const amps::Mesh mesh = compare ? load(arguments.operand(0)) : amps::read_mesh(arguments.operand(0));
-  const amps::MeshReport report = amps::check(mesh);
+  const double looked = compare ? 0.1 : 1;  // distances take far longer than all the rest
+  const amps::Execution reading = watch.part(0, 0.25 * looked);
+  const amps::Mesh mesh = compare ? load(arguments.operand(0), reading) : amps::read_mesh(arguments.operand(0), reading);
+  const amps::MeshReport report = amps::check(mesh, watch.part(0.25 * looked, 0.7 * looked));
   const amps::TopologyReport& shape = report.topology;
-  const amps::QualityReport quality = report.usable() ? amps::quality(mesh) : amps::QualityReport();
+  const amps::QualityReport quality =
+      report.usable() ? amps::quality(mesh, watch.part(0.7 * looked, looked)) : amps::QualityReport();
   amps::DistanceReport distance;
-  if (compare) distance = amps::surface_distance(load(arguments.text("--reference")), mesh, options);
+  if (compare) {
+    const amps::Mesh reference = load(arguments.text("--reference"), watch.part(looked, looked + 0.05));
+    options.execution = watch.part(looked + 0.05, 1);
+    distance = amps::surface_distance(reference, mesh, options);
+  }
+  watch.finish();
 
   Json json = begin_json("info");
   json.add("usable", report.usable())
@@ -320,8 +329,10 @@ int run_make(const Arguments& arguments) {
   constexpr std::uint64_t kMostTriangles = 100000000;
   const auto n = static_cast<double>(arguments.whole("--n", kDefaultTriangles, 1, kMostTriangles));
   require_mesh_output(arguments, arguments.operand(1));
+  Watch watch(arguments.quiet(), 1);
   const amps::Mesh mesh = make_shape(arguments, arguments.operand(0), n);
-  amps::write_mesh(arguments.operand(1), mesh);
+  amps::write_mesh(arguments.operand(1), mesh, {}, watch.part(0.2, 1));
+  watch.finish();
   const Table table(arguments.quiet());
   table.row("vertices", std::to_string(mesh.vertices.rows()));
   table.row("triangles", std::to_string(mesh.triangles.rows()));
@@ -337,14 +348,17 @@ int run_render(const Arguments& arguments) {
   options.smooth = arguments.has("--smooth");
   options.edges = !arguments.has("--no-edges");
   options.z_up = arguments.has("--z-up");
-  options.threads = threads_of(arguments);
   std::string extension = fs::path(arguments.operand(1)).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
   if (extension != ".png") throw arguments.error("cannot draw " + arguments.operand(1) + ": name a .png file");
   require_writable(arguments, arguments.operand(1));
-  const amps::Mesh mesh = load(arguments.operand(0));
-  write_file(arguments.operand(1), render::encode_png(render::draw(mesh, options)));
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
+  options.execution = watch.part(kRead, 0.6);
+  const render::Image image = render::draw(mesh, options);
+  write_file(arguments.operand(1), render::encode_png(image, watch.part(0.6, 1)));
+  watch.finish();
   return kExitDone;
 }
 
@@ -491,13 +505,18 @@ int complain(std::string message) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  const auto interruption = [] {
+    std::fprintf(stderr, "amps: interrupted, nothing is written\n");
+    return kExitInterrupted;
+  };
   try {
     const int code = run({argv + 1, argv + argc});
     if (std::fflush(stdout) != 0) return complain("cannot write to the standard output");
     return code;
   } catch (const Interrupted&) {
-    std::fprintf(stderr, "amps: interrupted, nothing is written\n");
-    return kExitInterrupted;
+    return interruption();
+  } catch (const amps::Error& error) {
+    return error.code() == amps::ErrorCode::kCancelled ? interruption() : complain(error.what());
   } catch (const std::bad_alloc&) {
     return complain("out of memory; use a larger radius or fewer vertices");
   } catch (const std::exception& error) {

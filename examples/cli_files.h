@@ -43,10 +43,10 @@ inline void write_file(const fs::path& path, const std::string& bytes) {
 }
 
 /// Reads a mesh that can be sampled; errors name the file.
-inline amps::Mesh load(const fs::path& path) {
-  amps::Mesh mesh = amps::read_mesh(path);
+inline amps::Mesh load(const fs::path& path, const amps::Execution& execution) {
+  amps::Mesh mesh = amps::read_mesh(path, execution.part(0, 0.8));
   try {
-    amps::require_usable(mesh);
+    amps::require_usable(mesh, execution.part(0.8, 1));
   } catch (const amps::Error& error) {
     throw amps::Error(error.code(), path.string() + ": " + error.what());
   }

@@ -72,9 +72,10 @@ inline SizingRequest sizing_request(const Arguments& arguments) {
   return request;
 }
 
-inline amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name) {
+inline amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name, const amps::Execution& execution) {
   const auto [file, property] = sizing_file(name);
-  const std::vector<double> radii = property.empty() ? amps::read_values(file) : amps::read_vertex_property(file, property);
+  const std::vector<double> radii =
+      property.empty() ? amps::read_values(file, execution) : amps::read_vertex_property(file, property, execution);
   try {
     return amps::vertex_sizing(mesh, radii);
   } catch (const amps::Error& error) {
@@ -82,23 +83,26 @@ inline amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& 
   }
 }
 
-inline amps::SizingField make_sizing(const SizingRequest& request, const amps::Mesh& mesh) {
-  constexpr double kErrorScale = 1e-3;  // of the diagonal; any: the field is scaled
+inline amps::SizingField make_sizing(const SizingRequest& request, const amps::Mesh& mesh, const amps::Execution& execution) {
+  constexpr double kShareOfMaking = 0.8;  // of the time; the rest is scaling or limiting
+  constexpr double kErrorScale = 1e-3;    // of the diagonal; any: the field is scaled
   amps::SizingField field;
   if (request.kind == "uniform") return field;
+  const amps::Execution making = execution.part(0, kShareOfMaking);
   if (request.kind == "lfs") {
-    field = amps::lfs_sizing(mesh);
+    field = amps::lfs_sizing(mesh, {}, making);
   } else if (request.kind == "curvature") {
     amps::CurvatureOptions options;
     options.max_error = request.error > 0 ? request.error : kErrorScale * amps::bounding_box(mesh).diagonal();
-    field = amps::curvature_sizing(mesh, options);
+    field = amps::curvature_sizing(mesh, options, making);
   } else {
-    field = file_sizing(mesh, request.kind);
+    field = file_sizing(mesh, request.kind, making);
   }
-  if (request.count > 0) return amps::for_count(field.with_ratio(), request.count, request.gradation);
+  const amps::Execution rest = execution.part(kShareOfMaking, 1);
+  if (request.count > 0) return amps::for_count(field.with_ratio(), request.count, request.gradation, rest);
   if (request.least > 0 || request.greatest > 0) {
     const double least = request.least > 0 ? request.least : request.greatest / amps::kDefaultRatio;
     field = field.clamped(least, request.greatest > 0 ? request.greatest : amps::kDefaultRatio * least);
   }
-  return field.limited(request.gradation);
+  return field.limited(request.gradation, rest);
 }

@@ -42,30 +42,37 @@ inline bool stderr_is_terminal() {
 #endif
 }
 
-/// While it lives, SIGINT cancels `progress` and a terminal shows a bar.
+/// One job for all that a command does. Until finish(), SIGINT cancels what runs as a part of it, and a terminal shows a bar.
 class Watch {
  public:
-  explicit Watch(bool quiet) : bar_(!quiet && stderr_is_terminal()) {
+  Watch(bool quiet, unsigned threads) : bar_(!quiet && stderr_is_terminal()) {
     previous_ = std::signal(SIGINT, on_interrupt);
     if (previous_ == SIG_IGN) std::signal(SIGINT, SIG_IGN);  // as in the background of a script
-    progress = amps::Progress([this](const char* stage, double fraction) {
+    const amps::Progress progress([this](const char* stage, double fraction) {
       if (bar_) draw(stage, fraction);
       return interrupted == 0;
     });
+    job_ = amps::Execution(threads, progress).start();
   }
-  ~Watch() {
-    if (drawn_) std::fprintf(stderr, "\r%*s\r", kWidth + 40, "");
-    std::signal(SIGINT, previous_);
-  }
+  ~Watch() { finish(); }
   Watch(const Watch&) = delete;
   Watch& operator=(const Watch&) = delete;
+
+  /// The piece of the job from `from` to `to` of its time, roughly.
+  amps::Execution part(double from, double to) const { return job_.part(from, to); }
 
   /// Throws if the user, and not the work, ended it.
   void check(amps::Outcome status) const {
     if (interrupted != 0 || status == amps::Outcome::kCancelled) throw Interrupted();
   }
 
-  amps::Progress progress;
+  /// The bar goes, and SIGINT does what it did before.
+  void finish() {
+    if (finished_) return;
+    finished_ = true;
+    if (drawn_) std::fprintf(stderr, "\r%*s\r", kWidth + 40, "");
+    std::signal(SIGINT, previous_);
+  }
 
  private:
   static constexpr int kWidth = 40;
@@ -83,6 +90,8 @@ class Watch {
 
   bool bar_;
   bool drawn_ = false;
+  bool finished_ = false;
   void (*previous_)(int) = SIG_DFL;
   Stopwatch last_;
+  amps::Execution job_;
 };

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -24,19 +25,20 @@ struct Image {
 };
 
 struct Options {
-  int size = 1024;        ///< width and height in pixels
-  bool smooth = false;    ///< normals interpolated over a triangle instead of one for all of it
-  bool edges = true;      ///< triangle edges drawn dark
-  double azimuth = 30;    ///< degrees the viewer walks around the up axis
-  double elevation = 18;  ///< degrees the viewer looks down from
-  bool z_up = false;      ///< the model's up axis is z instead of y
-  unsigned threads = 0;   ///< 0: one per core; the picture does not depend on it
+  int size = 1024;            ///< width and height in pixels
+  bool smooth = false;        ///< normals interpolated over a triangle instead of one for all of it
+  bool edges = true;          ///< triangle edges drawn dark
+  double azimuth = 30;        ///< degrees the viewer walks around the up axis
+  double elevation = 18;      ///< degrees the viewer looks down from
+  bool z_up = false;          ///< the model's up axis is z instead of y
+  amps::Execution execution;  ///< the picture does not depend on the threads
 };
 
 namespace detail {
 
 constexpr int kSupersampling = 3;        // samples a pixel and axis
 constexpr int kBandRows = 32;            // pixel rows rendered at a time: bounds memory, and is what threads share out
+constexpr int kFacetsPerLook = 1 << 14;  // drawn between two looks for a cancel: about a millisecond where they are small
 constexpr double kFieldOfView = 24;      // degrees, over the shorter side
 constexpr double kMargin = 0.92;         // part of the picture the model may fill
 constexpr double kEdgeHalfWidth = 0.55;  // pixels
@@ -237,12 +239,14 @@ inline std::uint8_t to_srgb(float linear) {
 /// A shaded picture of the whole mesh.
 inline Image draw(const amps::MeshView& mesh, const Options& options) {
   using namespace detail;
-  amps::require_usable(mesh);
+  amps::require_usable(mesh, options.execution);
+  const amps::Execution job = options.execution.start("drawing");
   const View view = look_at(mesh, options);
   Image image;
   image.width = image.height = options.size;
   image.rgb.resize(static_cast<std::size_t>(options.size) * static_cast<std::size_t>(options.size) * 3);
 
+  std::atomic<int> rows_drawn{0};
   const auto draw_rows = [&](int first, int end) {
     Band band{options.size * kSupersampling, first * kSupersampling, (end - first) * kSupersampling, {}, {}};
     const std::size_t samples = static_cast<std::size_t>(band.width) * static_cast<std::size_t>(band.rows);
@@ -252,7 +256,10 @@ inline Image draw(const amps::MeshView& mesh, const Options& options) {
       const Color color = background((band.first + y + 0.5) / (options.size * kSupersampling));
       std::fill_n(band.color.begin() + static_cast<std::ptrdiff_t>(y) * band.width, band.width, color);
     }
-    for (amps::Index f = 0; f < mesh.num_facets(); ++f) draw_triangle(mesh, view, options.smooth, f, band);
+    for (amps::Index f = 0; f < mesh.num_facets(); ++f) {
+      if (f % kFacetsPerLook == 0) job.report(static_cast<double>(rows_drawn) / options.size);
+      draw_triangle(mesh, view, options.smooth, f, band);
+    }
     for (int y = first; y < end; ++y) {
       for (int x = 0; x < options.size; ++x) {
         Color sum = Color::Zero();
@@ -270,8 +277,11 @@ inline Image draw(const amps::MeshView& mesh, const Options& options) {
       }
     }
   };
-  amps::parallel_for(static_cast<std::size_t>(options.size), kBandRows, options.threads,
-                     [&](std::size_t begin, std::size_t end) { draw_rows(static_cast<int>(begin), static_cast<int>(end)); });
+  amps::parallel_for(static_cast<std::size_t>(options.size), kBandRows, job, [&](std::size_t begin, std::size_t end) {
+    draw_rows(static_cast<int>(begin), static_cast<int>(end));
+    rows_drawn += static_cast<int>(end - begin);
+  });
+  job.finish();
   return image;
 }
 
@@ -280,7 +290,9 @@ namespace detail {
 /// Deflate (RFC 1951): one block, fixed Huffman codes, matches found by hash chains.
 class Deflater {
  public:
-  std::string compress(const std::vector<std::uint8_t>& data) {
+  std::string compress(const std::vector<std::uint8_t>& data, const amps::Execution& execution) {
+    constexpr std::size_t kBytesPerLook = 1 << 16;
+    std::size_t next_look = 0;
     put_bits(1, 1);  // last block
     put_bits(1, 2);  // fixed codes
     std::vector<std::int64_t> newest(std::size_t{1} << kHashBits, -1);
@@ -292,6 +304,10 @@ class Deflater {
       newest[h] = static_cast<std::int64_t>(i);
     };
     for (std::size_t i = 0; i < data.size();) {
+      if (i >= next_look) {
+        next_look = i + kBytesPerLook;
+        execution.report(static_cast<double>(i) / static_cast<double>(data.size()));
+      }
       std::size_t best = 0, best_distance = 0;
       if (i + 3 <= data.size()) {
         const std::size_t longest = std::min<std::size_t>(258, data.size() - i);
@@ -382,10 +398,11 @@ inline void put_chunk(std::string& out, const char* type, const std::string& dat
 }
 
 /// Rows predicted by one of the five PNG filters each, the one that leaves the least to say.
-inline std::vector<std::uint8_t> filter_rows(const Image& image) {
+inline std::vector<std::uint8_t> filter_rows(const Image& image, const amps::Execution& execution) {
   const std::size_t stride = static_cast<std::size_t>(image.width) * 3;
   std::vector<std::uint8_t> above(stride, 0), row(stride), best(stride), out;
   for (std::size_t y = 0; y < static_cast<std::size_t>(image.height); ++y) {
+    execution.report(static_cast<double>(y) / image.height);
     const std::uint8_t* now = &image.rgb[y * stride];
     long best_cost = std::numeric_limits<long>::max();
     std::uint8_t best_filter = 0;
@@ -415,27 +432,29 @@ inline std::vector<std::uint8_t> filter_rows(const Image& image) {
 }  // namespace detail
 
 /// The bytes of a PNG file (8-bit RGB).
-inline std::string encode_png(const Image& image) {
+inline std::string encode_png(const Image& image, const amps::Execution& execution) {
   using namespace detail;
+  const amps::Execution job = execution.start("writing");
   std::string header;
   put_uint32(header, static_cast<std::uint32_t>(image.width));
   put_uint32(header, static_cast<std::uint32_t>(image.height));
   header += std::string("\x08\x02\x00\x00\x00", 5);  // 8 bits, RGB, deflate, adaptive filters, not interlaced
 
-  const std::vector<std::uint8_t> rows = filter_rows(image);
+  const std::vector<std::uint8_t> rows = filter_rows(image, job.part(0, 0.5));
   std::uint32_t a = 1, b = 0;  // Adler-32
   for (const std::uint8_t byte : rows) {
     a = (a + byte) % 65521;
     b = (b + a) % 65521;
   }
   std::string data = "\x78\x01";  // zlib: deflate with a 32 KiB window
-  data += Deflater().compress(rows);
+  data += Deflater().compress(rows, job.part(0.5, 1));
   put_uint32(data, b << 16 | a);
 
   std::string png = "\x89PNG\r\n\x1a\n";
   put_chunk(png, "IHDR", header);
   put_chunk(png, "IDAT", data);
   put_chunk(png, "IEND", "");
+  job.finish();
   return png;
 }
 

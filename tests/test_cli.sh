@@ -247,12 +247,23 @@ done
 bad "radius" remesh torus.obj no.obj --radius 1e-9
 
 echo "-- interruption"
-if command -v timeout >log/which 2>&1; then
+# interrupted ARGUMENTS...: amps, which would take far longer, stops after a second, says so in one line and changes no file.
+interrupted() {
+  before=$(ls -R .; cat stopped.*)
   code=0
-  timeout --preserve-status -s INT 1 "$amps" remesh square.obj stopped.obj --radius 0.0005 >log/out 2>log/err || code=$?
-  [ "$code" -eq 130 ] || fail "interrupted: returned $code"
-  [ "$(wc -l <log/err)" -eq 1 ] || fail "interrupted: not one line on stderr: $(cat log/err)"
-  [ -z "$(find . -name "stopped*")" ] || fail "interrupted: left a file behind"
+  timeout --preserve-status -k 20 -s INT 1 "$amps" "$@" >log/out 2>log/err || code=$?
+  [ "$code" -eq 130 ] || fail "amps $* interrupted: returned $code"
+  [ "$(cat log/err)" = "amps: interrupted, nothing is written" ] || fail "amps $* interrupted: $(cat log/err)"
+  [ ! -s log/out ] || fail "amps $* interrupted: printed $(cat log/out)"
+  [ "$before" = "$(ls -R .; cat stopped.*)" ] || fail "amps $* interrupted: changed a file"
+}
+if command -v timeout >log/which 2>&1; then
+  run 0 make knot big.obj --n 300000
+  echo "as it was" >stopped.obj  # one that is there, others that are not
+  interrupted remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
+  interrupted sample big.obj new.xyzr --sizing lfs --rmin 0.0005 --json new.json
+  interrupted info big.obj --reference torus.obj --json new.json
+  interrupted render torus.obj new.png --size 8192
 fi
 
 [ "$failures" -eq 0 ] || { echo "$failures failed"; exit 1; }

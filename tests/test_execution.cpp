@@ -216,7 +216,7 @@ TEST_CASE("execution: reports of many threads arrive one at a time, and the frac
         return true;
       },
       kAlways);
-  const Execution job = Execution(1, progress).start();
+  const Execution job = Execution(1, progress).start("work");
   std::vector<std::thread> threads;
   for (std::uint64_t t = 0; t < 8; ++t) {
     threads.emplace_back([&job, t] {
@@ -340,7 +340,7 @@ TEST_CASE("execution: cancelled from another thread, loops end") {
 TEST_CASE("execution: an exception of the callback reaches the caller, from any worker") {
   on_each_way([](Execution execution) {
     execution.progress = Progress([](const char*, double) -> bool { throw std::runtime_error("no more"); });
-    const Execution job = execution.start();
+    const Execution job = execution.start("work");
     CHECK_THROWS_WITH_AS(job.report(0.5), "no more", std::runtime_error);
     CHECK_THROWS_WITH_AS(parallel_for(100, 1, execution.start("again"), [&](std::size_t, std::size_t) { job.report(1); }),
                          "no more", std::runtime_error);

@@ -102,7 +102,7 @@ TEST_CASE("samples: a growing set keeps what it is given, and takes a new order"
   GrowingSet growing;
   growing.add_all(set);
   growing.reorder({2, 0, 1});
-  const SampleSet result = growing.finish();
+  const SampleSet result = GrowingSet(growing).finish();  // which gives its content away
   const Index order[] = {2, 0, 1};
   REQUIRE(result.size() == 3);
   for (Index s = 0; s < 3; ++s) {
@@ -116,9 +116,10 @@ TEST_CASE("samples: a growing set keeps what it is given, and takes a new order"
 
   GrowingSet unplaced;
   unplaced.add_all(bare_set(set.positions, set.radii));
-  CHECK(unplaced.finish().facets == std::vector<Index>(3, kNone));
-  CHECK(same_values(unplaced.finish().barycentrics, constant_points(3, 0)));
-  CHECK(same_bits(unplaced.finish().positions, set.positions));
+  const SampleSet whole = unplaced.finish();
+  CHECK(whole.facets == std::vector<Index>(3, kNone));
+  CHECK(same_values(whole.barycentrics, constant_points(3, 0)));
+  CHECK(same_bits(whole.positions, set.positions));
 }
 
 }  // namespace amps_test
