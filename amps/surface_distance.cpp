@@ -90,6 +90,19 @@ std::array<Vec3, 3> corners_of(const MeshView& mesh, Index facet) {
 
 double greatest_of(const DistanceCorners& p) { return std::max({p[0].distance, p[1].distance, p[2].distance}); }
 
+/// The range of a job cut into parts in proportion to expected costs.
+class TimeShares {
+ public:
+  TimeShares(const Execution& job, const std::vector<double>& costs) : job_(job), ends_(costs.size() + 1, 0.0) {
+    std::partial_sum(costs.begin(), costs.end(), ends_.begin() + 1);
+  }
+  Execution part(std::size_t i) const { return job_.part(ends_[i] / ends_.back(), ends_[i + 1] / ends_.back()); }
+
+ private:
+  const Execution& job_;
+  std::vector<double> ends_;
+};
+
 /// One direction: vertices first, then the integrals, then cuts where these leave the greatest distance uncertain.
 class OneSidedMeasure {
  public:
@@ -102,11 +115,12 @@ class OneSidedMeasure {
         spacing_(options.spacing * diagonal),
         options_(options) {}
 
-  /// Throws Error(kCancelled) when cancelled.
-  OneSidedDistance run(const Execution& execution) {
-    measure_vertices(execution.part(0, 0.2));
-    integrate(execution.part(0.2, 0.8));
-    enclose(execution.part(0.8, 1));
+  /// Shares: those of the search tree, of measuring and of cutting. Throws Error(kCancelled) when cancelled.
+  OneSidedDistance run(const TimeShares& shares) {
+    const Execution measuring = shares.part(1);
+    measure_vertices(measuring.part(0, 0.4));
+    integrate(measuring.part(0.4, 1));
+    enclose(shares.part(2));
     const FarthestPoint& p = farthest_;
     result_.hausdorff_lower = p.point.distance;
     result_.farthest = {p.facet, p.point.barycentric, position(p.facet, p.point.barycentric)};
@@ -259,7 +273,8 @@ class OneSidedMeasure {
         settled = std::max(settled, piece.upper);
       }
     };
-    detail::for_each_index(from_.num_facets(), execution.part(0, 0.5), [&](Index f) {
+    constexpr double kListed = 0.05;  // of the time
+    detail::for_each_index(from_.num_facets(), execution.part(0, kListed), [&](Index f) {
       DistancePiece piece;
       piece.facet = f;
       piece.corners = facet_corners(f);
@@ -267,14 +282,20 @@ class OneSidedMeasure {
       bound(piece);
       keep(piece);
     });
-    const Execution cutting = execution.part(0.5, 1);
+    const Execution cutting = execution.part(kListed, 1);
     constexpr std::size_t kBatch = 8192, kGrain = 64;
     std::vector<CutPiece> cut;
-    double done = 0;
+    double done = 0, parted = 0;
     for (std::int64_t left = options_.max_cuts; left > 0 && !queue.empty();) {
       const std::size_t n = std::min({kBatch, queue.size(), static_cast<std::size_t>(left)});
       cut.resize(std::max(cut.size(), n));
-      const double fraction = done / (done + static_cast<double>(queue.size()));  // as if parts needed no cut
+      // As if on and on a cut left as many parts to cut as it did so far (a geometric series), but no more than surfaces take
+      // that coincide: about ten cuts for each facet of the other (measured).
+      constexpr double kMaxRatio = 0.95, kMaxCuts = 10;
+      const double waiting = static_cast<double>(queue.size());
+      const double ratio = done > 0 ? std::min(parted / done, kMaxRatio) : kMaxRatio;
+      const double left_to_do = std::min(waiting / (1 - ratio), std::max(kMaxCuts * to_.num_facets() - done, waiting));
+      const double fraction = done / (done + left_to_do);
       parallel_for(n, kGrain, execution, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i) cut[i] = cut_piece(queue[i]);
         cutting.report(fraction);
@@ -285,11 +306,13 @@ class OneSidedMeasure {
           for (const DistancePoint& p : part.corners) farthest_.offer(p, part.facet);
         }
       }
+      const std::size_t uncut = queue.size();
       for (std::size_t i = 0; i < n; ++i) {
         for (std::size_t k = 0; k < cut[i].count; ++k) keep(cut[i].parts[k]);
       }
       left -= static_cast<std::int64_t>(n);
       done += static_cast<double>(n);
+      parted += static_cast<double>(queue.size() - uncut);
     }
     for (const DistancePiece& piece : queue) settled = std::max(settled, piece.upper);
     result_.hausdorff = std::max(settled, farthest_.point.distance);
@@ -473,34 +496,29 @@ struct ScaledMeshes {
 
 constexpr const char* kDistanceStage = "measuring distances";
 
-/// Nanoseconds a facet, roughly: to foresee time.
-constexpr double kPrepareCost = 150, kDistanceTreeCost = 1200, kMeasureCost = 4000;
+/// Nanoseconds, roughly, to foresee time (measured: spheres of 4·10³ to 2·10⁶ facets, near each other). Where the surfaces are
+/// (nearly) the same, triangles are cut until each lies under one facet of the other: there are as many as that has facets.
+struct OneSidedCost {
+  double tree, measure, cut;
 
-/// Of one direction, with n facets to measure to m facets.
-double one_sided_cost(double n, double m, const Execution& execution) {
-  return kDistanceTreeCost * m + kMeasureCost * n / execution.workers();
-}
+  /// From n facets to m facets.
+  OneSidedCost(double n, double m, const DistanceOptions& options) {
+    const double workers = options.execution.workers(), cells = n + 5 / (options.spacing * options.spacing);
+    tree = 500 * m;
+    measure = 1500 * cells / workers;
+    cut = (500 * n + 15000 * m) / workers;
+  }
+  double all() const { return tree + measure + cut; }
+};
+constexpr double kPrepareCost = 100;  ///< a facet
 
 OneSidedDistance measure_one_side(const Mesh& from, const Mesh& to, double diagonal, const DistanceOptions& options,
                                   const Execution& execution) {
-  const auto n = static_cast<double>(from.triangles.rows()), m = static_cast<double>(to.triangles.rows());
-  const double tree_share = kDistanceTreeCost * m / one_sided_cost(n, m, execution);
-  const SurfaceTree tree(to, execution.part(0, tree_share));
-  return OneSidedMeasure(from, to, tree, diagonal, options).run(execution.part(tree_share, 1));
+  const OneSidedCost cost(static_cast<double>(from.triangles.rows()), static_cast<double>(to.triangles.rows()), options);
+  const TimeShares shares(execution, {cost.tree, cost.measure, cost.cut});
+  const SurfaceTree tree(to, shares.part(0));
+  return OneSidedMeasure(from, to, tree, diagonal, options).run(shares);
 }
-
-/// The range of a job cut into parts in proportion to expected costs.
-class TimeShares {
- public:
-  TimeShares(const Execution& job, const std::vector<double>& costs) : job_(job), ends_(costs.size() + 1, 0.0) {
-    std::partial_sum(costs.begin(), costs.end(), ends_.begin() + 1);
-  }
-  Execution part(std::size_t i) const { return job_.part(ends_[i] / ends_.back(), ends_[i + 1] / ends_.back()); }
-
- private:
-  const Execution& job_;
-  std::vector<double> ends_;
-};
 
 }  // namespace
 
@@ -508,7 +526,7 @@ DistanceReport surface_distance(const MeshView& first, const MeshView& second, c
   require_distance_options(options);
   const Execution job = options.execution.start(kDistanceStage);
   const double n = first.num_facets(), m = second.num_facets();
-  const TimeShares shares(job, {kPrepareCost * (n + m), one_sided_cost(n, m, job), one_sided_cost(m, n, job)});
+  const TimeShares shares(job, {kPrepareCost * (n + m), OneSidedCost(n, m, options).all(), OneSidedCost(m, n, options).all()});
   const ScaledMeshes meshes(first, second, shares.part(0));
   DistanceReport report;
   report.diagonal = bounding_box(meshes.first).diagonal();
@@ -525,7 +543,7 @@ OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, co
   require_distance_options(options);
   const Execution job = options.execution.start(kDistanceStage);
   const double n = from.num_facets(), m = to.num_facets();
-  const TimeShares shares(job, {kPrepareCost * (n + m), one_sided_cost(n, m, job)});
+  const TimeShares shares(job, {kPrepareCost * (n + m), OneSidedCost(n, m, options).all()});
   const ScaledMeshes meshes(from, to, shares.part(0));
   const double diagonal = bounding_box(meshes.first).diagonal();
   OneSidedDistance result = measure_one_side(meshes.first, meshes.second, diagonal, options, shares.part(1));
