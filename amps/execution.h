@@ -182,10 +182,11 @@ void for_each_piece(std::size_t n, std::size_t grain, const Execution& execution
 /// Elements of a piece for such loops: up to 100 ns each, in a few milliseconds.
 inline constexpr std::size_t kElementsPerLook = std::size_t{1} << 15;
 
-/// The same with body(i) for each i in [0, n), elements of up to 100 ns.
+/// The same with body(i) for each i in [0, n), elements of up to a microsecond.
 template <class Integer, class Body>
 void for_each_index(Integer n, const Execution& execution, const Body& body) {
-  for_each_piece(static_cast<std::size_t>(n), kElementsPerLook, execution, [&body](std::size_t begin, std::size_t end) {
+  constexpr std::size_t kIndicesPerLook = kElementsPerLook / 8;
+  for_each_piece(static_cast<std::size_t>(n), kIndicesPerLook, execution, [&body](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) body(static_cast<Integer>(i));
   });
 }

@@ -402,15 +402,11 @@ struct SurfaceTree::Impl {
     const TreeBuilder build(items, nodes, execution.part(0.2, 0.85));
     facets.reserve(count);
     place.resize(count);
-    constexpr std::size_t kFacetsPerLook = 4096;  // some 1 µs each
-    detail::for_each_piece(count, kFacetsPerLook, execution.part(0.85, 1), [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) add_facet(view, items[i].facet, i);
+    detail::for_each_index(count, execution.part(0.85, 1), [&](std::size_t i) {
+      const Index f = items[i].facet;
+      facets.push_back(tree_facet(unit.in(view.corner(f, 0)), unit.in(view.corner(f, 1)), unit.in(view.corner(f, 2)), f));
+      place[detail::slot(f)] = static_cast<Index>(i);
     });
-  }
-
-  void add_facet(const MeshView& view, Index f, std::size_t i) {
-    facets.push_back(tree_facet(unit.in(view.corner(f, 0)), unit.in(view.corner(f, 1)), unit.in(view.corner(f, 2)), f));
-    place[detail::slot(f)] = static_cast<Index>(i);
   }
 
   Vec3 query_point(const Vec3& query) const {
