@@ -18,12 +18,14 @@
 
 #include "amps/base.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <utility>
+#include <vector>
 
 namespace amps {
 
@@ -179,6 +181,26 @@ void for_each_piece(std::size_t n, std::size_t grain, const Execution& execution
 
 /// Elements of a piece for such loops: up to 100 ns each, in a few milliseconds.
 inline constexpr std::size_t kElementsPerLook = std::size_t{1} << 15;
+
+/// The same with body(i) for each i in [0, n), elements of up to a microsecond.
+template <class Integer, class Body>
+void for_each_index(Integer n, const Execution& execution, const Body& body) {
+  constexpr std::size_t kIndicesPerLook = kElementsPerLook / 8;
+  for_each_piece(static_cast<std::size_t>(n), kIndicesPerLook, execution, [&body](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) body(static_cast<Integer>(i));
+  });
+}
+
+/// values.resize(n, value), with looks between: fresh memory takes some 0.3 ms a megabyte.
+template <class T>
+void resize_watched(std::vector<T>& values, std::size_t n, const T& value, const Execution& execution) {
+  constexpr std::size_t kPerPiece = (std::size_t{1} << 22) / sizeof(T);
+  values.reserve(n);
+  while (values.size() < n) {
+    execution.report(0);
+    values.resize(std::min(n, values.size() + kPerPiece), value);
+  }
+}
 
 /// Runs `work`; false if it ended because it was cancelled.
 template <class Work>

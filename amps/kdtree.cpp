@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <utility>
 
 namespace amps {
 namespace detail {
@@ -18,19 +19,33 @@ namespace detail {
 /// nanoflann's view of the points.
 struct KdPoints {
   std::vector<double> coordinates;
-  Ticker* building = nullptr;  ///< nanoflann has no progress of its own: while it builds, the points it asks for are counted
   std::size_t kdtree_get_point_count() const { return coordinates.size() / 3; }
-  double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    if (building != nullptr) building->tick();
-    return coordinates[3 * i + axis];
-  }
+  double kdtree_get_pt(std::size_t i, std::size_t axis) const { return coordinates[3 * i + axis]; }
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
     return false;  // let nanoflann compute it
   }
 };
 
-using KdIndex = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, KdPoints>, KdPoints, 3, std::uint32_t>;
+/// The same while the tree is built: then, and only then, nanoflann asks the data set for coordinates, and can be left by an
+/// exception. (Searches ask through the metric, which sees the base class alone: they count nothing, on any number of threads.)
+struct KdWatchedPoints : KdPoints {
+  Ticker* ticker = nullptr;  ///< none after the building
+  mutable std::uint32_t calls_left = kElementsPerLook;
+
+  explicit KdWatchedPoints(std::vector<double> xyz) : KdPoints{std::move(xyz)} {}
+  double kdtree_get_pt(std::size_t i, std::size_t axis) const {
+    if (--calls_left == 0) look();
+    return KdPoints::kdtree_get_pt(i, axis);
+  }
+  void look() const {
+    calls_left = kElementsPerLook;
+    if (ticker != nullptr) ticker->tick(kElementsPerLook);
+  }
+};
+
+using KdIndex =
+    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, KdPoints>, KdWatchedPoints, 3, std::uint32_t>;
 
 }  // namespace detail
 
@@ -116,38 +131,46 @@ struct KdNearestOne {
 }  // namespace
 
 struct KdTree::Impl {
-  detail::KdPoints points;
+  detail::KdWatchedPoints points;
   detail::KdIndex index;
 
-  static std::vector<double> coordinates_of(const PointsView& view) {
+  static std::vector<double> coordinates_of(const PointsView& view, const Execution& execution) {
     std::vector<double> result;
     result.reserve(3 * static_cast<std::size_t>(view.rows()));
-    for (std::ptrdiff_t i = 0; i < view.rows(); ++i) {
+    detail::for_each_index(view.rows(), execution, [&](std::ptrdiff_t i) {
       const Vec3 x = view[i];
       result.insert(result.end(), {x[0], x[1], x[2]});
-    }
+    });
     return result;
   }
 
-  /// A cancel leaves nanoflann's constructor as an exception; it owns its nodes by then.
-  Impl(const PointsView& view, detail::Ticker&& ticker)
-      : points{coordinates_of(view), &ticker}, index(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(10)) {
-    points.building = nullptr;
+  /// nanoflann asks some 5 times a point and level (measured, from 10⁴ to 10⁶ points).
+  static std::uint64_t expected_calls(std::size_t n) {
+    std::uint64_t levels = 1;
+    for (std::size_t left = n / kLeafSize; left > 1; left /= 2) ++levels;
+    return kCallsPerLevel * n * levels;
   }
 
-  /// About how many coordinates nanoflann asks for: some 6 a point and level (measured, from 10⁴ to 10⁶ points).
-  static std::uint64_t num_reads(const PointsView& view) {
-    std::uint64_t levels = 1;
-    for (std::ptrdiff_t n = view.rows(); n > 10; n /= 2) ++levels;
-    return 6 * levels * static_cast<std::uint64_t>(view.rows());
+  Impl(const PointsView& view, const Execution& execution)
+      : points(coordinates_of(view, execution.part(0, 0.05))),
+        index(3, points,
+              nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize,
+                                                        nanoflann::KDTreeSingleIndexAdaptorFlags::SkipInitialBuildIndex)) {
+    detail::Ticker ticker(execution.part(0.05, 1), expected_calls(points.kdtree_get_point_count()), detail::kElementsPerLook);
+    points.ticker = &ticker;
+    index.buildIndex();
+    points.ticker = nullptr;
   }
+
+ private:
+  static constexpr std::size_t kLeafSize = 10;
+  static constexpr std::uint64_t kCallsPerLevel = 5;
 };
 
 KdTree::KdTree(const PointsView& points, const Execution& execution) {
-  constexpr std::uint64_t kReadsPerLook = 1 << 14;  // some 0.1 ms
-  const Execution run = execution.start("sorting points");
-  impl_ = std::make_unique<Impl>(points, detail::Ticker(run.part(0, 1), Impl::num_reads(points), kReadsPerLook));
-  run.finish();
+  const Execution job = execution.start("building a search tree");
+  impl_ = std::make_unique<Impl>(points, job);
+  job.finish();
 }
 
 KdTree::~KdTree() = default;

@@ -22,7 +22,7 @@ class KdTree {
   };
 
   /// Copies the points, so the caller's buffer may go. They must be finite; an empty set and equal points are fine.
-  /// O(n log n). Throws Error(kCancelled) if stopped through `execution`; its threads are not used.
+  /// O(n log n). Cancelled, it throws Error(kCancelled).
   explicit KdTree(const PointsView& points, const Execution& execution = {});
   ~KdTree();
   KdTree(KdTree&&) noexcept;

@@ -8,17 +8,6 @@
 namespace amps::detail {
 namespace {
 
-/// values.resize(n), with looks between: fresh memory takes some 0.3 ms a megabyte.
-template <class T>
-void resize_watched(std::vector<T>& values, std::size_t n, const T& value, const Execution& run) {
-  constexpr std::size_t kPerPiece = (std::size_t{1} << 22) / sizeof(T);
-  values.reserve(n);
-  while (values.size() < n) {
-    run.report(0);
-    values.resize(std::min(n, values.size() + kPerPiece), value);
-  }
-}
-
 /// Sorts by the higher vertex; sides of equal ones keep their order. Nearly always a handful.
 void sort_by_high(EdgeSide* first, EdgeSide* last, const Execution& run) {
   constexpr std::ptrdiff_t kMaxInserted = 24;

@@ -21,31 +21,46 @@ using detail::SizingFieldAccess;
 using detail::SizingLattice;
 using detail::slot;
 
-std::shared_ptr<SizingLattice> make_simple_lattice(const MeshView& mesh) {
-  require_usable(mesh);
-  return detail::make_lattice(mesh.copy(), facet_areas(mesh), {});
+constexpr const char* kSizingStage = "making a sizing field";
+
+std::shared_ptr<SizingLattice> make_simple_lattice(const MeshView& mesh, const Execution& execution) {
+  require_usable(mesh, execution.part(0, 0.45));
+  Mesh copy = mesh.copy();
+  return detail::make_lattice(std::move(copy), facet_areas(mesh, execution.part(0.6, 1)), {}, execution);
 }
 
-bool same_mesh(const MeshView& a, const MeshView& b) {
-  return a.num_vertices() == b.num_vertices() && a.num_facets() == b.num_facets() && a.triangles == b.triangles &&
-         a.vertices == b.vertices;
+bool same_mesh(const MeshView& a, const MeshView& b, const Execution& execution) {
+  if (a.num_vertices() != b.num_vertices() || a.num_facets() != b.num_facets()) return false;
+  bool same = true;
+  detail::for_each_index(a.num_facets(), execution.part(0, 0.6),
+                         [&](Index f) { same = same && a.triangles[f] == b.triangles[f]; });
+  if (!same) return false;
+  detail::for_each_index(a.num_vertices(), execution.part(0.6, 1),
+                         [&](Index v) { same = same && a.vertices[v] == b.vertices[v]; });
+  return same;
 }
 
 }  // namespace
 
-SizingField::SizingField(std::shared_ptr<const SizingLattice> lattice, std::vector<double> nodes)
+SizingField::SizingField(std::shared_ptr<const SizingLattice> lattice, std::vector<double> nodes, const Execution& execution)
     : lattice_(std::move(lattice)), nodes_(std::make_shared<const std::vector<double>>(std::move(nodes))) {
   min_ = std::numeric_limits<double>::infinity();
-  for (Index f = 0; f < lattice_->num_facets(); ++f) {
-    if (!(lattice_->areas[slot(f)] > 0)) continue;
+  detail::for_each_index(lattice_->num_facets(), execution, [&](Index f) {
+    if (!(lattice_->areas[slot(f)] > 0)) return;
     for (std::size_t n = lattice_->node(f); n < lattice_->node(f + 1); ++n) {
       min_ = std::min(min_, (*nodes_)[n]);
       max_ = std::max(max_, (*nodes_)[n]);
     }
-  }
+  });
 }
 
-bool SizingField::fits(const MeshView& mesh) const { return !empty() && same_mesh(lattice_->mesh, mesh); }
+bool SizingField::fits(const MeshView& mesh, const Execution& execution) const {
+  if (empty()) return false;
+  const Execution job = execution.start("comparing meshes");
+  const bool same = same_mesh(lattice_->mesh, mesh, job);
+  job.finish();
+  return same;
+}
 
 Index SizingField::num_facets() const { return lattice_->num_facets(); }
 
@@ -76,37 +91,47 @@ double SizingField::density_integral(std::size_t i) const {
   return area > 0 ? area * detail::mean_inverse_square(p.radii) : 0.0;
 }
 
-double SizingField::density_integral() const {
+double SizingField::density_integral(const Execution& execution) const {
+  const Execution job = execution.start("counting samples to be");
   double sum = 0;
-  for (std::size_t i = 0; i < num_pieces(); ++i) sum += density_integral(i);
+  detail::for_each_index(num_pieces(), job, [&](std::size_t i) { sum += density_integral(i); });
+  job.finish();
   return sum;
 }
 
-SizingField SizingField::scaled(double factor) const {
+SizingField SizingField::scaled(double factor, const Execution& execution) const {
+  const Execution job = execution.start(kSizingStage);
   if (!is_radius(factor)) refuse_sizing("the factor " + number_text(factor) + " is not positive and finite");
   std::vector<double> nodes = *nodes_;
-  for (double& r : nodes) {
-    r *= factor;
-    if (!is_radius(r))
+  detail::for_each_index(nodes.size(), job.part(0, 0.5), [&](std::size_t n) {
+    nodes[n] *= factor;
+    if (!is_radius(nodes[n]))
       refuse_sizing("scaled by " + number_text(factor) + " a radius is no positive double; use a milder factor");
-  }
-  return {lattice_, std::move(nodes)};
+  });
+  SizingField result(lattice_, std::move(nodes), job.part(0.5, 1));
+  job.finish();
+  return result;
 }
 
-SizingField SizingField::clamped(double lowest, double highest) const {
+SizingField SizingField::clamped(double lowest, double highest, const Execution& execution) const {
+  const Execution job = execution.start(kSizingStage);
   if (!(is_radius(lowest) && lowest <= highest)) {
     refuse_sizing("cannot clamp to [" + number_text(lowest) + ", " + number_text(highest) + "]; give 0 < lowest <= highest");
   }
   std::vector<double> nodes = *nodes_;
-  for (double& r : nodes) r = std::min(highest, std::max(lowest, r));
-  return {lattice_, std::move(nodes)};
+  detail::for_each_index(nodes.size(), job.part(0, 0.5),
+                         [&](std::size_t n) { nodes[n] = std::min(highest, std::max(lowest, nodes[n])); });
+  SizingField result(lattice_, std::move(nodes), job.part(0.5, 1));
+  job.finish();
+  return result;
 }
 
-SizingField min(const SizingField& a, const SizingField& b) {
+SizingField min(const SizingField& a, const SizingField& b, const Execution& execution) {
   if (a.empty() || b.empty()) refuse_sizing("minimum of an empty field; make both from the mesh");
   const auto& la = SizingFieldAccess::lattice(a);
   const auto& lb = SizingFieldAccess::lattice(b);
-  if (la != lb && !same_mesh(la->mesh, lb->mesh))
+  const Execution job = execution.start(kSizingStage);
+  if (la != lb && !same_mesh(la->mesh, lb->mesh, job.part(0, 0.2)))
     refuse_sizing("minimum of fields of different meshes; make both from one mesh");
   std::shared_ptr<const SizingLattice> lattice = la;
   if (!lb->simple()) {
@@ -116,11 +141,11 @@ SizingField min(const SizingField& a, const SizingField& b) {
     if (levels == lb->levels) {
       lattice = lb;
     } else if (levels != la->levels) {
-      lattice = detail::make_lattice(la->mesh, la->areas, std::move(levels));
+      lattice = detail::make_lattice(la->mesh, la->areas, std::move(levels), job.part(0.2, 0.4));
     }
   }
   std::vector<double> nodes(lattice->num_nodes());
-  for (Index f = 0; f < lattice->num_facets(); ++f) {
+  detail::for_each_index(lattice->num_facets(), job.part(0.4, 0.9), [&](Index f) {
     const Index k = lattice->k(f);
     double* out = nodes.data() + lattice->node(f);
     for (Index j = 0; j <= k; ++j) {
@@ -129,59 +154,87 @@ SizingField min(const SizingField& a, const SizingField& b) {
         *out++ = std::min(a.radius(f, at), b.radius(f, at));
       }
     }
-  }
-  return SizingFieldAccess::make(std::move(lattice), std::move(nodes));
+  });
+  SizingField result = SizingFieldAccess::make(std::move(lattice), std::move(nodes), job.part(0.9, 1));
+  job.finish();
+  return result;
 }
 
-SizingField SizingField::with_ratio(double ratio, double quantile) const {
+namespace {
+
+struct RadiusShare {
+  double radius, area;
+  bool operator<(const RadiusShare& other) const { return radius != other.radius ? radius < other.radius : area < other.area; }
+};
+
+/// The first radius in ascending order at which the areas so far exceed `limit`. Sorts no more of the shares than it takes.
+double radius_at_area(std::vector<RadiusShare>& shares, double limit, const Execution& execution) {
+  detail::Ticker ticker(execution, 8 * shares.size(), detail::kElementsPerLook);
+  const auto before = [&ticker](const RadiusShare& a, const RadiusShare& b) {
+    ticker.tick();
+    return a < b;
+  };
+  const auto at = [&shares](std::size_t i) { return shares.begin() + static_cast<std::ptrdiff_t>(i); };
+  constexpr std::size_t kFirstPart = 32;  // of all; where a quantile is asked for that is small, as it mostly is, one will do
+  double below = 0;
+  for (std::size_t from = 0, size = shares.size() / kFirstPart + 1; from < shares.size(); size *= 2) {
+    const std::size_t to = std::min(from + size, shares.size());
+    if (to < shares.size()) std::nth_element(at(from), at(to), shares.end(), before);
+    std::sort(at(from), at(to), before);
+    for (; from < to; ++from) {
+      below += shares[from].area;
+      if (below > limit) return shares[from].radius;
+    }
+  }
+  return shares.back().radius;
+}
+
+}  // namespace
+
+SizingField SizingField::with_ratio(double ratio, double quantile, const Execution& execution) const {
+  const Execution job = execution.start(kSizingStage);
   if (!(ratio >= 1)) refuse_sizing("the ratio " + number_text(ratio) + " of the largest to the smallest radius is below 1");
   if (!(quantile >= 0 && quantile < 1)) refuse_sizing("the quantile " + number_text(quantile) + " is not in [0, 1)");
-  struct Share {
-    double radius, area;
-  };
-  std::vector<Share> shares;
+  std::vector<RadiusShare> shares;
+  shares.reserve(num_pieces());
   double total = 0;
-  for (std::size_t i = 0; i < num_pieces(); ++i) {
+  detail::for_each_index(num_pieces(), job.part(0, 0.5), [&](std::size_t i) {
     const Piece p = piece(i);
     const double k = lattice_->k(p.facet), area = lattice_->areas[slot(p.facet)] / (k * k);
-    if (!(area > 0)) continue;
+    if (!(area > 0)) return;
     shares.push_back({(p.radii[0] + p.radii[1] + p.radii[2]) / 3, area});
     total += area;
-  }
-  std::sort(shares.begin(), shares.end(),
-            [](const Share& a, const Share& b) { return a.radius != b.radius ? a.radius < b.radius : a.area < b.area; });
-  double below = 0, smallest = shares.front().radius;
-  for (const Share& share : shares) {
-    smallest = share.radius;
-    below += share.area;
-    if (below > quantile * total) break;
-  }
-  if (quantile == 0) smallest = min_;
-  return clamped(smallest, ratio * smallest);
+  });
+  const double smallest = quantile == 0 ? min_ : radius_at_area(shares, quantile * total, job.part(0.5, 0.65));
+  return clamped(smallest, ratio * smallest, job.part(0.65, 1));
 }
 
-double count_factor(const SizingField& field, double count) {
+double count_factor(const SizingField& field, double count, const Execution& execution) {
   if (field.empty()) refuse_sizing("number of samples of an empty field; make it from a mesh");
   if (!(count >= 1 && std::isfinite(count)))
     refuse_sizing("cannot place " + number_text(count) + " samples; ask for one at least");
-  return std::sqrt(kSamplesPerDensity * field.density_integral() / count);
+  return std::sqrt(kSamplesPerDensity * field.density_integral(execution) / count);
 }
 
-SizingField uniform_sizing(const MeshView& mesh, double radius) {
+SizingField uniform_sizing(const MeshView& mesh, double radius, const Execution& execution) {
   if (!is_radius(radius)) refuse_sizing("the radius " + number_text(radius) + " is not positive and finite");
-  auto lattice = make_simple_lattice(mesh);
+  const Execution job = execution.start(kSizingStage);
+  auto lattice = make_simple_lattice(mesh, job.part(0, 0.9));
   const std::size_t n = lattice->num_nodes();
-  return SizingFieldAccess::make(std::move(lattice), std::vector<double>(n, radius));
+  SizingField result = SizingFieldAccess::make(std::move(lattice), std::vector<double>(n, radius), job.part(0.9, 1));
+  job.finish();
+  return result;
 }
 
-SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii) {
-  auto lattice = make_simple_lattice(mesh);
+SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii, const Execution& execution) {
+  const Execution job = execution.start(kSizingStage);
+  auto lattice = make_simple_lattice(mesh, job.part(0, 0.7));
   if (radii.size() != mesh.num_vertices()) {
     refuse_sizing(std::to_string(radii.size()) + " values for " + std::to_string(mesh.num_vertices()) +
                   " vertices; give one a vertex");
   }
   std::vector<double> nodes(lattice->num_nodes());
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
+  detail::for_each_index(mesh.num_facets(), job.part(0.7, 0.9), [&](Index f) {
     for (int k = 0; k < 3; ++k) {
       const Index v = mesh.triangles(f, k);
       if (!is_radius(radii[v])) {
@@ -190,23 +243,27 @@ SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii) {
       }
       nodes[3 * slot(f) + slot(k)] = radii[v];
     }
-  }
-  return SizingFieldAccess::make(std::move(lattice), std::move(nodes));
+  });
+  SizingField result = SizingFieldAccess::make(std::move(lattice), std::move(nodes), job.part(0.9, 1));
+  job.finish();
+  return result;
 }
 
-SizingField vertex_density_sizing(const MeshView& mesh, const ValuesView& densities) {
-  require_usable(mesh);
+SizingField vertex_density_sizing(const MeshView& mesh, const ValuesView& densities, const Execution& execution) {
+  const Execution job = execution.start(kSizingStage);
+  require_usable(mesh, job.part(0, 0.25));
   std::vector<double> radii;
   for (std::ptrdiff_t v = 0; v < densities.size(); ++v) radii.push_back(1 / std::sqrt(densities[v]));
-  for (Index f = 0; f < mesh.num_facets() && densities.size() == mesh.num_vertices(); ++f) {
+  const Index to_check = densities.size() == mesh.num_vertices() ? mesh.num_facets() : 0;
+  detail::for_each_index(to_check, job.part(0.25, 0.4), [&](Index f) {
     for (int k = 0; k < 3; ++k) {
       const Index v = mesh.triangles(f, k);
       if (is_radius(densities[v]) && is_radius(radii[slot(v)])) continue;
       refuse_sizing("the density " + number_text(densities[v]) + " of vertex " + std::to_string(v) +
                     " (0-based) is not positive and finite; correct it");
     }
-  }
-  return vertex_sizing(mesh, radii);
+  });
+  return vertex_sizing(mesh, radii, job.part(0.4, 1));
 }
 
 namespace detail {
@@ -215,27 +272,37 @@ namespace {
 /// Tabulates a function facet by facet.
 class Tabulator {
  public:
-  Tabulator(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options, Execution execution)
-      : mesh_(mesh), radius_(radius), options_(options), run_(std::move(execution)), areas_(facet_areas(mesh)) {
+  Tabulator(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options, const Execution& execution)
+      : mesh_(mesh),
+        radius_(radius),
+        options_(options),
+        execution_(execution),
+        areas_(facet_areas(mesh, execution.part(0, kAreasShare))) {
     levels_.assign(areas_.size(), 0);
     nodes_.reserve(3 * areas_.size());
     at_vertex_.assign(slot(mesh.num_vertices()), 0.0);
   }
 
   SizingField run() {
-    Ticker ticker(run_, areas_.size());
-    for (Index f = 0; f < mesh_.num_facets(); ++f) {
-      tabulate(f);
-      ticker.tick();
-    }
-    return SizingFieldAccess::make(make_lattice(mesh_.copy(), std::move(areas_), std::move(levels_)), std::move(nodes_));
+    for_each_index(mesh_.num_facets(), execution_.part(kAreasShare, kTabulated), [&](Index f) { tabulate(f); });
+    const Execution last = execution_.part(kTabulated, 1);
+    Mesh copy = mesh_.copy();
+    auto lattice = make_lattice(std::move(copy), std::move(areas_), std::move(levels_), last.part(0.2, 0.7));
+    return SizingFieldAccess::make(std::move(lattice), std::move(nodes_), last.part(0.7, 1));
   }
 
  private:
+  static constexpr double kAreasShare = 0.1, kTabulated = 0.9;  ///< of the time
   static constexpr int kLastLevel = 14;
 
-  double call(Index facet, const Vec3& b) const {
-    run_.check();  // a facet may have many nodes, and a node take long
+  /// Between facets and within large ones.
+  void look() const {
+    execution_.report(kAreasShare + (kTabulated - kAreasShare) * static_cast<double>(now_at_) / mesh_.num_facets());
+  }
+
+  double call(Index facet, const Vec3& b) {
+    constexpr unsigned kCallsPerLook = 16;  // up to some milliseconds each
+    if (++calls_ % kCallsPerLook == 0) look();
     SurfacePoint at{facet, b, Vec3::Zero()};
     at.position = b[0] * mesh_.corner(facet, 0) + b[1] * mesh_.corner(facet, 1) + b[2] * mesh_.corner(facet, 2);
     const double r = radius_(at);
@@ -257,7 +324,9 @@ class Tabulator {
     const PlaceOnSide place = place_on_side(k, i, j);
     if (place.side < 0) return call(f, lattice_barycentric(k, i, j));
     if (place.steps == 0) return at_corner(f, place.side);
-    if (first_side_.empty()) first_side_ = first_sides(mesh_.triangles, mesh_.num_vertices());
+    if (first_side_.empty()) {
+      first_side_ = first_sides(mesh_.triangles, mesh_.num_vertices(), execution_.part(0, 0));
+    }
     const std::size_t first = first_side_[3 * slot(f) + slot(place.side)];
     const auto owner = static_cast<Index>(first / 3);
     const int side = static_cast<int>(first % 3);
@@ -270,6 +339,7 @@ class Tabulator {
   }
 
   void tabulate(Index f) {
+    now_at_ = f;
     std::vector<double>& now = now_;
     now.assign({at_corner(f, 0), at_corner(f, 1), at_corner(f, 2)});
     int level = 0;
@@ -305,6 +375,7 @@ class Tabulator {
     const std::size_t pieces = slot(k) * slot(k);
     double sum = 0;
     for (std::size_t t = 0; t < pieces; ++t) {
+      if (t % kElementsPerLook == kElementsPerLook - 1) look();
       const LatticeTriangle triangle = nth_lattice_triangle(k, t);
       std::array<double, 3> radii;
       for (std::size_t c = 0; c < 3; ++c) radii[c] = now_[lattice_node(k, triangle.corner[c][0], triangle.corner[c][1])];
@@ -342,7 +413,7 @@ class Tabulator {
   }
 
   /// The same at the centroids of the lattice in coarse_.
-  bool centroids_agree(Index f, Index k) const {
+  bool centroids_agree(Index f, Index k) {
     for (std::size_t t = 0; t < slot(k) * slot(k); ++t) {
       const LatticeTriangle triangle = nth_lattice_triangle(k, t);
       Vec3 b = Vec3::Zero();
@@ -360,7 +431,9 @@ class Tabulator {
   const MeshView& mesh_;
   const SizingFunction& radius_;
   const TabulationOptions& options_;
-  const Execution run_;
+  const Execution& execution_;
+  Index now_at_ = 0;  ///< facet
+  unsigned calls_ = 0;
   std::vector<double> areas_;
   std::vector<std::uint8_t> levels_;
   std::vector<double> nodes_;
@@ -374,12 +447,13 @@ class Tabulator {
 
 SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options,
                             const Execution& execution) {
-  require_usable(mesh);
+  const Execution job = execution.start(kSizingStage);
+  require_usable(mesh, job.part(0, 0.1));
   if (!radius) refuse_sizing("no function given");
   if (!(options.tolerance > 0 && options.finest > 0)) refuse_sizing("tolerance and finest must be positive");
-  const Execution run = execution.start("tabulating radii");
-  SizingField result = detail::Tabulator(mesh, radius, options, run).run();
-  run.finish();
+  const Execution tabulation = job.part(0.1, 1);
+  SizingField result = detail::Tabulator(mesh, radius, options, tabulation).run();
+  job.finish();
   return result;
 }
 

@@ -8,6 +8,8 @@
 //   SizingField field = for_count(lfs_sizing(mesh).with_ratio(), 12000);
 //
 // which scales the field and limits its gradation. Scaling a limited field would multiply its gradation too.
+//
+// Everything here that takes an Execution throws Error(kCancelled) when cancelled.
 #pragma once
 
 #include "amps/base.h"
@@ -43,7 +45,7 @@ class SizingField {
   bool empty() const { return lattice_ == nullptr; }
 
   /// True if this field was made for a mesh with the same coordinates and the same facets. O(#V + #F).
-  bool fits(const MeshView& mesh) const;
+  bool fits(const MeshView& mesh, const Execution& execution = {}) const;
   Index num_facets() const;
 
   /// Requires a facet in range and barycentrics ≥ 0 that sum to 1 up to rounding. Within [min_radius(), max_radius()]
@@ -66,18 +68,18 @@ class SizingField {
   /// ∫ dA/r² over a piece, and over the mesh: exact for the piecewise linear field up to rounding (relative error below 1e-12).
   /// A maximal set has about kSamplesPerDensity times as many samples. O(1); O(pieces).
   double density_integral(std::size_t piece) const;
-  double density_integral() const;
+  double density_integral(const Execution& execution = {}) const;
 
   /// r·factor. Throws Error(kInvalidArgument) unless the factor is > 0 and finite and all radii stay so.
-  SizingField scaled(double factor) const;
+  SizingField scaled(double factor, const Execution& execution = {}) const;
   /// min(highest, max(lowest, r)) at the nodes. Throws Error(kInvalidArgument) unless 0 < lowest ≤ highest; highest may be
   /// infinite.
-  SizingField clamped(double lowest, double highest) const;
+  SizingField clamped(double lowest, double highest, const Execution& execution = {}) const;
 
   /// clamped(m, ratio·m), with a robust smallest radius m: the `quantile` of radii by area (of the means of pieces), so that r
   /// is raised on this part of the surface at most, where it is smallest. Throws Error(kInvalidArgument) unless ratio ≥ 1 and 0
-  /// ≤ quantile < 1. O(pieces · log).
-  SizingField with_ratio(double ratio = kDefaultRatio, double quantile = 0.01) const;
+  /// ≤ quantile < 1. O(pieces) expected.
+  SizingField with_ratio(double ratio = kDefaultRatio, double quantile = 0.01, const Execution& execution = {}) const;
 
   /// The largest field below this one with |r(x) − r(y)| ≤ gradation·d(x, y) between nodes, d the distance along the surface
   /// (vertices of equal position are one). Relaxed to a fixed point over lattice triangles: within an error of first order in
@@ -89,7 +91,7 @@ class SizingField {
 
  private:
   friend struct detail::SizingFieldAccess;
-  SizingField(std::shared_ptr<const detail::SizingLattice> lattice, std::vector<double> nodes);
+  SizingField(std::shared_ptr<const detail::SizingLattice> lattice, std::vector<double> nodes, const Execution& execution);
 
   std::shared_ptr<const detail::SizingLattice> lattice_;
   std::shared_ptr<const std::vector<double>> nodes_;  ///< radii, facet by facet
@@ -106,7 +108,7 @@ inline constexpr double kDefaultGradation = 0.1;
 
 /// The factor to scale a field by for about `count` samples: √(kSamplesPerDensity · ∫dA/r² / count). Good to a few percent
 /// where the surface is large beside the disks. Throws Error(kInvalidArgument) for count < 1 or an empty field.
-double count_factor(const SizingField& field, double count);
+double count_factor(const SizingField& field, double count, const Execution& execution = {});
 
 /// The field scaled by some s and then limited in gradation, for about `count` samples in all: s is such that
 /// kSamplesPerDensity · ∫dA/r² is within 0.5 % of `count`. An infinite gradation gives field.scaled(count_factor(field,
@@ -116,21 +118,19 @@ SizingField for_count(const SizingField& field, double count, double gradation =
 
 /// The smaller radius of two fields of one mesh, at the nodes of the finer lattice of each facet: nowhere above either. Throws
 /// Error(kInvalidArgument) if a field is empty or they belong to different meshes.
-SizingField min(const SizingField& a, const SizingField& b);
-
-// Functions that take an Execution throw Error(kCancelled) if stopped through it.
+SizingField min(const SizingField& a, const SizingField& b, const Execution& execution = {});
 
 // Factories. Each throws Error(kInvalidMesh) for a mesh that is not usable (require_usable) and kInvalidArgument as said.
 
 /// The same radius everywhere, > 0 and finite. O(#V + #F).
-SizingField uniform_sizing(const MeshView& mesh, double radius);
+SizingField uniform_sizing(const MeshView& mesh, double radius, const Execution& execution = {});
 
 /// Radii at the vertices, linear in each facet. `radii`: one a vertex, > 0 and finite where a facet uses the vertex (the error
 /// names the first that is not). O(#V + #F).
-SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii);
+SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii, const Execution& execution = {});
 
 /// The same from wanted densities ρ, samples per area up to a constant, > 0 and finite: r = 1/√ρ at the vertices.
-SizingField vertex_density_sizing(const MeshView& mesh, const ValuesView& densities);
+SizingField vertex_density_sizing(const MeshView& mesh, const ValuesView& densities, const Execution& execution = {});
 
 /// A radius for a point of the surface. Called from one thread, several times for some points: it must give the same value for
 /// the same point. Points on edges and vertices come as points of the first facet that has them.

@@ -18,6 +18,7 @@
 namespace amps {
 namespace {
 
+using detail::for_each_index;
 using detail::slot;
 
 /// Symmetric 2 by 2: the second fundamental form in a frame of the tangent plane.
@@ -98,28 +99,27 @@ std::array<double, 3> corner_areas(const std::array<Vec3, 3>& corner) {
 /// A mesh whose corners are grouped into smooth fans.
 class CurvatureEstimator {
  public:
-  CurvatureEstimator(const MeshView& mesh, double crease_angle, const Execution& run)
-      : mesh_(merge_equal_vertices(mesh, run.part(0, 0.1))), view_(mesh_) {
+  CurvatureEstimator(const MeshView& mesh, double crease_angle, const Execution& execution)
+      : mesh_(merge_equal_vertices(mesh, execution.part(0, 0.15))), view_(mesh_) {
     crease_cosine_ = detail::portable_cosine(crease_angle);
-    normals_ = facet_normals(view_);
+    normals_ = facet_normals(view_, execution.part(0.15, 0.25));
     // To unit size: fourth powers of lengths must be doubles.
-    const Box box = bounding_box(view_);
+    const Box box = bounding_box(view_, execution.part(0.25, 0.3));
     scale_ = 1 / box.diagonal();
-    run.report(0.15);
-    group_corners(run.part(0.15, 0.45));
-    estimate_normals(run.part(0.45, 0.65));
-    estimate_tensors(run.part(0.65, 1));
+    group_corners(execution.part(0.3, 0.6));
+    estimate_normals(execution.part(0.6, 0.8));
+    estimate_tensors(execution.part(0.8, 1));
   }
 
   /// By facet corner: the greatest value at its vertex.
-  std::vector<double> at_corners() const {
+  std::vector<double> at_corners(const Execution& execution) const {
     std::vector<double> at_vertex(slot(view_.num_vertices()), 0.0), result(fan_.size());
-    for (std::size_t c = 0; c < fan_.size(); ++c) {
+    for_each_index(fan_.size(), execution.part(0, 0.7), [&](std::size_t c) {
       double& value = at_vertex[vertex_of(c)];
       const std::size_t fan = fan_[c];
       if (weights_[fan] > 0) value = std::max(value, tensors_[fan].norm() / weights_[fan] * scale_);
-    }
-    for (std::size_t c = 0; c < fan_.size(); ++c) result[c] = at_vertex[vertex_of(c)];
+    });
+    for_each_index(fan_.size(), execution.part(0.7, 1), [&](std::size_t c) { result[c] = at_vertex[vertex_of(c)]; });
     return result;
   }
 
@@ -135,49 +135,49 @@ class CurvatureEstimator {
   }
 
   /// The corners around a vertex, across smooth edges.
-  void group_corners(const Execution& run) {
+  void group_corners(const Execution& execution) {
     std::vector<char> counted(slot(view_.num_facets()));
-    for (std::size_t f = 0; f < counted.size(); ++f) counted[f] = normal_of_facet(f).squaredNorm() > 0 ? 1 : 0;
-    const detail::MeshEdges edges(view_.triangles, view_.num_vertices(), counted);
-    run.report(0.4);
-    detail::Ticker ticker(run.part(0.4, 0.7), edges.size(), kCornersPerLook);
+    for_each_index(counted.size(), execution.part(0, 0.05),
+                   [&](std::size_t f) { counted[f] = normal_of_facet(f).squaredNorm() > 0 ? 1 : 0; });
+    const detail::MeshEdges edges(view_.triangles, view_.num_vertices(), counted, execution.part(0.05, 0.45));
     std::vector<char> sharp(edges.size(), 0), smooth_side(edges.num_corners(), 0);
-    for (std::size_t e = 0; e < edges.size(); ++e) {
+    for_each_index(edges.size(), execution.part(0.45, 0.6), [&](std::size_t e) {
       const detail::MeshEdge edge = edges[e];
       const auto normal = [&](std::size_t i) { return normal_of_facet(slot(edge[i].facet)); };
       sharp[e] = edge.regular() && !(normal(0).dot(normal(1)) < crease_cosine_) ? 0 : 1;
       if (sharp[e] == 0) smooth_side[edge[0].corner()] = smooth_side[edge[1].corner()] = 1;
-      ticker.tick();
-    }
-    fan_ = detail::corner_fans(edges, sharp);
-    run.report(0.9);
-    open_.assign(fan_.size(), 0);
-    for (std::size_t c = 0; c < fan_.size(); ++c) {
-      if (smooth_side[c] != 0) continue;
+    });
+    fan_ = detail::corner_fans(edges, sharp, execution.part(0.6, 0.9));
+    number_fans(execution.part(0.9, 0.95));
+    open_.assign(num_fans_, 0);
+    for_each_index(fan_.size(), execution.part(0.95, 1), [&](std::size_t c) {
+      if (smooth_side[c] != 0) return;
       open_[fan_[c]] = open_[fan_[detail::next_corner(c)]] = 1;
-    }
+    });
   }
 
-  void estimate_normals(const Execution& run) {
-    detail::Ticker ticker(run.part(0, 0.6), fan_.size(), kCornersPerLook);
-    fan_normals_.assign(fan_.size(), Vec3::Zero());
-    for (std::size_t c = 0; c < fan_.size(); ++c) {
+  /// From the first corner of each fan to numbers without holes: tables of fans are a sixth as large.
+  void number_fans(const Execution& execution) {
+    for_each_index(fan_.size(), execution, [this](std::size_t c) { fan_[c] = fan_[c] == c ? num_fans_++ : fan_[fan_[c]]; });
+  }
+
+  void estimate_normals(const Execution& execution) {
+    fan_normals_.assign(num_fans_, Vec3::Zero());
+    for_each_index(fan_.size(), execution.part(0, 0.5), [this](std::size_t c) {
       const auto corner = corners_of(c / 3);
       const Vec3 a = corner[(c + 1) % 3] - corner[c % 3], b = corner[(c + 2) % 3] - corner[c % 3];
       const double weight = a.squaredNorm() * b.squaredNorm();
       if (weight > 0) fan_normals_[fan_[c]] += a.cross(b) / weight;
-      ticker.tick();
-    }
-    for (Vec3& n : fan_normals_) n.stableNormalize();
-    correct_open_fans(run.part(0.6, 1));
+    });
+    for_each_index(num_fans_, execution.part(0.5, 0.6), [this](std::size_t fan) { fan_normals_[fan].stableNormalize(); });
+    correct_open_fans(execution.part(0.6, 1));
   }
 
   /// The facets of an open fan all lie on one side of its vertex, and so does the place that has their mean normal. A facet's
   /// normal is about the mean of those at its corners: what the corners with closed fans leave is for the others.
-  void correct_open_fans(const Execution& run) {
-    detail::Ticker ticker(run, fan_.size(), kCornersPerLook);
-    std::vector<Vec3> corrected(fan_.size(), Vec3::Zero());
-    for (std::size_t f = 0; 3 * f < fan_.size(); ++f) {
+  void correct_open_fans(const Execution& execution) {
+    std::vector<Vec3> corrected(num_fans_, Vec3::Zero());
+    for_each_index(fan_.size() / 3, execution.part(0, 0.8), [&](std::size_t f) {
       const auto corner = corners_of(f);
       const double weight = (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm();
       Vec3 left = 3 * normal_of_facet(f);
@@ -193,28 +193,25 @@ class CurvatureEstimator {
       for (std::size_t k = 0; k < 3; ++k) {
         if (open_[fan_[3 * f + k]] != 0) corrected[fan_[3 * f + k]] += weight / open * left;
       }
-      ticker.tick(3);
-    }
+    });
     constexpr double kTrusted = 0.866;  // 30°: beyond, the facets are too coarse or uneven for this
-    for (std::size_t fan = 0; fan < fan_.size(); ++fan) {
-      if (open_[fan] == 0 || !(corrected[fan].squaredNorm() > 0)) continue;
+    for_each_index(num_fans_, execution.part(0.8, 1), [&](std::size_t fan) {
+      if (open_[fan] == 0 || !(corrected[fan].squaredNorm() > 0)) return;
       const Vec3 n = corrected[fan].stableNormalized();
       if (n.dot(fan_normals_[fan]) > kTrusted) fan_normals_[fan] = n;
-    }
+    });
   }
 
-  void estimate_tensors(const Execution& run) {
-    detail::Ticker ticker(run, fan_.size(), kCornersPerLook);
+  void estimate_tensors(const Execution& execution) {
     constexpr double kThinnest = 1e-6;  // height over longest edge below which a facet's normal is noise
-    tensors_.assign(fan_.size(), {});
-    weights_.assign(fan_.size(), 0.0);
-    for (std::size_t f = 0; 3 * f < fan_.size(); ++f) {
-      ticker.tick(3);
+    tensors_.assign(num_fans_, {});
+    weights_.assign(num_fans_, 0.0);
+    for_each_index(fan_.size() / 3, execution, [this](std::size_t f) {
       const auto corner = corners_of(f);
       const Vec3 cross = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
       double longest = 0;
       for (std::size_t k = 0; k < 3; ++k) longest = std::max(longest, (corner[(k + 1) % 3] - corner[k]).squaredNorm());
-      if (!(cross.norm() > kThinnest * longest)) continue;
+      if (!(cross.norm() > kThinnest * longest)) return;
       const TangentFrame frame = frame_of(cross.normalized());
       const std::array<std::size_t, 3> fan{fan_[3 * f], fan_[3 * f + 1], fan_[3 * f + 2]};
       const CurvatureTensor tensor =
@@ -227,17 +224,17 @@ class CurvatureEstimator {
         tensors_[fan[k]].vv += weight[k] * t.vv;
         weights_[fan[k]] += weight[k];
       }
-    }
+    });
   }
 
-  static constexpr std::uint64_t kCornersPerLook = 1 << 14;  // a millisecond or two
   Mesh mesh_;
   MeshView view_;
   Points normals_;
   double crease_cosine_ = 0;
   double scale_ = 1;
-  std::vector<std::size_t> fan_;  ///< by corner: the first corner of its fan
-  std::vector<char> open_;        ///< by fan: it does not surround its vertex
+  std::vector<std::size_t> fan_;  ///< by corner: the number of its fan
+  std::size_t num_fans_ = 0;
+  std::vector<char> open_;  ///< by fan: it does not surround its vertex
   std::vector<Vec3> fan_normals_;
   std::vector<CurvatureTensor> tensors_;  ///< sums, to be divided by
   std::vector<double> weights_;
@@ -246,17 +243,18 @@ class CurvatureEstimator {
 }  // namespace
 
 std::vector<double> max_curvature(const MeshView& mesh, double crease_angle, const Execution& execution) {
-  require_usable(mesh);
+  const Execution job = execution.start("measuring curvature");
+  require_usable(mesh, job.part(0, 0.1));
   if (!(crease_angle >= 0 && crease_angle <= 180)) {
     throw Error(ErrorCode::kInvalidArgument, "curvature: the crease angle must lie in [0, 180] degrees");
   }
-  const Execution run = execution.start("estimating curvature");
-  const std::vector<double> at_corner = CurvatureEstimator(mesh, crease_angle, run.part(0, 0.95)).at_corners();
+  const std::vector<double> at_corner =
+      CurvatureEstimator(mesh, crease_angle, job.part(0.1, 0.9)).at_corners(job.part(0.9, 0.97));
   std::vector<double> result(slot(mesh.num_vertices()), 0.0);
-  for (std::size_t c = 0; c < at_corner.size(); ++c) {
+  for_each_index(at_corner.size(), job.part(0.97, 1), [&](std::size_t c) {
     result[slot(mesh.triangles(static_cast<std::ptrdiff_t>(c / 3), static_cast<int>(c % 3)))] = at_corner[c];
-  }
-  run.finish();
+  });
+  job.finish();
   return result;
 }
 
@@ -264,16 +262,18 @@ SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& optio
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "curvature sizing: " + what); };
   if (!(options.max_error > 0 && std::isfinite(options.max_error))) fail("max_error must be positive and finite");
   if (!(options.max_radius >= 0 && std::isfinite(options.max_radius))) fail("max_radius must be finite and not negative");
-  std::vector<double> radii = max_curvature(mesh, options.crease_angle, execution);
-  const double greatest = options.max_radius > 0 ? options.max_radius : bounding_box(mesh).diagonal();
-  for (double& r : radii) {
+  const Execution job = execution.start("measuring curvature");
+  std::vector<double> radii = max_curvature(mesh, options.crease_angle, job.part(0, 0.75));
+  const double greatest = options.max_radius > 0 ? options.max_radius : bounding_box(mesh, job.part(0.75, 0.8)).diagonal();
+  for_each_index(radii.size(), job.part(0.8, 0.83), [&](std::size_t v) {
+    double& r = radii[v];
     const double curvature = r, error = options.max_error;
     // √(ε(2/κ − ε)) as √(εκ(2 − εκ))/κ.
     const double relative = error * curvature;
     const double wanted = relative < 1 ? std::sqrt(relative * (2 - relative)) / curvature : 1 / curvature;
     r = curvature > 0 ? std::min(wanted, greatest) : greatest;
-  }
-  return vertex_sizing(mesh, radii);
+  });
+  return vertex_sizing(mesh, radii, job.part(0.83, 1));
 }
 
 }  // namespace amps

@@ -4,7 +4,6 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sizing_lattice.h"
 
-#include <cstdint>
 #include <functional>
 #include <limits>
 #include <numeric>
@@ -13,25 +12,18 @@ namespace amps {
 namespace detail {
 namespace {
 
-/// Lattice triangles, or facets without a lattice, between looks: about a millisecond.
-constexpr std::uint64_t kPiecesPerLook = 1 << 13;
-
 /// All lattice nodes of a mesh, those on shared edges and at vertices of equal position being one. Where facets beside an edge
 /// have different lattices, it has the nodes of the finest.
 class NodeGraph {
  public:
-  NodeGraph(const SizingLattice& lattice, const Execution& run)
-      : lattice_(lattice), welded_(merge_equal_vertices(lattice.mesh)) {
-    run.report(0.3);
+  NodeGraph(const SizingLattice& lattice, const Execution& execution)
+      : lattice_(lattice), welded_(merge_equal_vertices(lattice.mesh, execution.part(0, 0.3))) {
     count_ = static_cast<Index>(welded_.vertices.rows());
-    if (!lattice.simple()) number_edges();
+    if (!lattice.simple()) number_edges(execution.part(0.3, 0.45));
     node_.reserve(lattice.num_nodes());
-    Ticker ticker(run.part(0.3, 0.6), slot(lattice.num_facets()), kPiecesPerLook);
-    for (Index f = 0; f < lattice.num_facets(); ++f) {
-      number_facet(f);
-      ticker.tick();
-    }
-    place_nodes(run.part(0.6, 1));
+    for_each_index(lattice.num_facets(), execution.part(0.45, 0.55), [this](Index f) { number_facet(f); });
+    place_nodes(execution.part(0.55, 0.7));
+    list_triangles(execution.part(0.7, 1));
   }
 
   Index size() const { return count_; }
@@ -44,11 +36,11 @@ class NodeGraph {
   std::vector<std::size_t> begin;
   std::vector<std::size_t> triangles;
 
-  void list_triangles(const Execution& run) {
-    Ticker ticker(run, 2 * lattice_.num_pieces(), kPiecesPerLook);
+ private:
+  void list_triangles(const Execution& execution) {
     corners.reserve(lattice_.num_pieces());
     begin.assign(slot(count_) + 1, 0);
-    for (std::size_t i = 0; i < lattice_.num_pieces(); ++i) {
+    for_each_index(lattice_.num_pieces(), execution.part(0, 0.5), [&](std::size_t i) {
       const Index f = lattice_.simple() ? static_cast<Index>(i) : lattice_.piece_facet[i];
       const LatticeTriangle triangle = nth_lattice_triangle(lattice_.k(f), i - lattice_.piece(f));
       std::array<Index, 3> nodes;
@@ -57,31 +49,28 @@ class NodeGraph {
         ++begin[slot(nodes[c]) + 1];
       }
       corners.push_back(nodes);
-      ticker.tick();
-    }
+    });
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
     triangles.resize(3 * corners.size());
     std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
-    for (std::size_t t = 0; t < corners.size(); ++t) {
+    for_each_index(corners.size(), execution.part(0.5, 1), [&](std::size_t t) {
       for (const Index v : corners[t]) triangles[next[slot(v)]++] = t;
-      ticker.tick();
-    }
+    });
   }
 
- private:
-  void number_edges() {
-    first_side_ = first_sides(welded_.triangles, static_cast<Index>(welded_.vertices.rows()));
+  void number_edges(const Execution& execution) {
+    first_side_ = first_sides(welded_.triangles, static_cast<Index>(welded_.vertices.rows()), execution.part(0, 0.8));
     edge_level_.assign(first_side_.size(), 0);
-    for (std::size_t s = 0; s < first_side_.size(); ++s) {
+    for_each_index(first_side_.size(), execution.part(0.8, 0.9), [this](std::size_t s) {
       std::uint8_t& level = edge_level_[first_side_[s]];
       level = std::max(level, lattice_.levels[s / 3]);
-    }
+    });
     edge_node_.assign(first_side_.size(), kNone);
-    for (std::size_t s = 0; s < first_side_.size(); ++s) {
-      if (first_side_[s] != s) continue;
+    for_each_index(first_side_.size(), execution.part(0.9, 1), [this](std::size_t s) {
+      if (first_side_[s] != s) return;
       edge_node_[s] = count_;
       count_ += (Index{1} << edge_level_[s]) - 1;
-    }
+    });
   }
 
   void number_facet(Index f) {
@@ -105,13 +94,11 @@ class NodeGraph {
     return edge_node_[first] + (same ? steps : edge_k - steps) - 1;
   }
 
-  void place_nodes(const Execution& run) {
-    Ticker ticker(run, slot(lattice_.num_facets()), kPiecesPerLook);
+  void place_nodes(const Execution& execution) {
     positions_.resize(slot(count_));
     std::size_t n = 0;
     const MeshView mesh(lattice_.mesh);
-    for (Index f = 0; f < lattice_.num_facets(); ++f) {
-      ticker.tick();
+    for_each_index(lattice_.num_facets(), execution, [&](Index f) {
       const Index k = lattice_.k(f);
       const std::array<Vec3, 3> corner{mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2)};
       for (Index j = 0; j <= k; ++j) {
@@ -120,7 +107,7 @@ class NodeGraph {
           positions_[slot(node_[n++])] = b[0] * corner[0] + b[1] * corner[1] + b[2] * corner[2];
         }
       }
-    }
+    });
   }
 
   const SizingLattice& lattice_;
@@ -150,7 +137,7 @@ double reach_from_segment(const Vec3& a, const Vec3& b, const Vec3& c, double ua
 
 /// Lowers u to the largest values that no lattice triangle can lower further, smallest first as Dijkstra's algorithm does; a
 /// node that is lowered after its turn (obtuse triangles) has another one.
-void limit_gradation(const NodeGraph& graph, double g, std::vector<double>& u, const Execution& run) {
+void limit_gradation(const NodeGraph& graph, double g, const Execution& execution, std::vector<double>& u) {
   // Along edges, smaller steps are rounding. Across triangles they are no better than the scheme is, and among needles, which
   // lower each other in turn, there is no end of them.
   constexpr double kEdgeStep = 1e-13, kTriangleStep = 1e-4;
@@ -158,12 +145,13 @@ void limit_gradation(const NodeGraph& graph, double g, std::vector<double>& u, c
   std::vector<Entry> heap(u.size());
   for (std::size_t n = 0; n < u.size(); ++n) heap[n] = {u[n], static_cast<Index>(n)};
   std::make_heap(heap.begin(), heap.end(), std::greater<>());
-  Ticker ticker(run, u.size());  // nodes that are lowered have more turns than one
+  // Every node has its turn, and some are lowered before it, which leaves an entry without use.
+  Ticker ticker(execution, heap.size() + heap.size() / 2);
   while (!heap.empty()) {
+    ticker.tick();
     std::pop_heap(heap.begin(), heap.end(), std::greater<>());
     const auto [value, node] = heap.back();
     heap.pop_back();
-    ticker.tick();
     if (value != u[slot(node)]) continue;
     const Vec3 p = graph.position(node);
     for (std::size_t i = graph.begin[slot(node)]; i < graph.begin[slot(node) + 1]; ++i) {
@@ -190,28 +178,29 @@ void require_gradation(double gradation) {
   if (!(gradation > 0)) refuse_sizing("the gradation " + number_text(gradation) + " is not positive");
 }
 
+constexpr const char* kGradationStage = "limiting the gradation";
+
 /// limited() for several multiples of one field.
 class GradationLimiter {
  public:
-  GradationLimiter(const SizingField& field, const Execution& run)
+  GradationLimiter(const SizingField& field, const Execution& execution)
       : lattice_(SizingFieldAccess::lattice(field)),
-        graph_(*lattice_, run.part(0, 0.6)),
+        graph_(*lattice_, execution.part(0, 0.95)),
         smallest_(slot(graph_.size()), std::numeric_limits<double>::infinity()) {
-    graph_.list_triangles(run.part(0.6, 1));
     const std::vector<double>& nodes = SizingFieldAccess::nodes(field);
-    for (std::size_t n = 0; n < nodes.size(); ++n) {
+    for_each_index(nodes.size(), execution.part(0.95, 1), [&](std::size_t n) {
       double& smallest = smallest_[slot(graph_.node(n))];
       smallest = std::min(smallest, nodes[n]);
-    }
+    });
   }
 
-  SizingField limited(double factor, double gradation, const Execution& run) const {
+  SizingField limited(double factor, double gradation, const Execution& execution) const {
     std::vector<double> u = smallest_;
     for (double& r : u) r *= factor;
-    limit_gradation(graph_, gradation, u, run);
+    limit_gradation(graph_, gradation, execution.part(0, 0.9), u);
     std::vector<double> nodes(lattice_->num_nodes());
-    for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n] = u[slot(graph_.node(n))];
-    return SizingFieldAccess::make(lattice_, std::move(nodes));
+    for_each_index(nodes.size(), execution.part(0.9, 0.96), [&](std::size_t n) { nodes[n] = u[slot(graph_.node(n))]; });
+    return SizingFieldAccess::make(lattice_, std::move(nodes), execution.part(0.96, 1));
   }
 
  private:
@@ -226,34 +215,39 @@ class GradationLimiter {
 SizingField SizingField::limited(double gradation, const Execution& execution) const {
   detail::require_gradation(gradation);
   if (std::isinf(gradation)) return *this;
-  const Execution run = execution.start("limiting the gradation");
-  SizingField result = detail::GradationLimiter(*this, run.part(0, 0.3)).limited(1, gradation, run.part(0.3, 1));
-  run.finish();
+  const Execution job = execution.start(detail::kGradationStage);
+  const detail::GradationLimiter limiter(*this, job.part(0, 0.18));
+  SizingField result = limiter.limited(1, gradation, job.part(0.18, 1));
+  job.finish();
   return result;
 }
 
 SizingField for_count(const SizingField& field, double count, double gradation, const Execution& execution) {
   detail::require_gradation(gradation);
-  const double unlimited = count_factor(field, count);
-  if (std::isinf(gradation)) return field.scaled(unlimited);
-  const Execution run = execution.start("limiting the gradation");
-  double done = 0.15;
-  const detail::GradationLimiter limiter(field, run.part(0, done));
+  const Execution job = execution.start(detail::kGradationStage);
+  const double unlimited = count_factor(field, count, job.part(0, 0.01));
+  if (std::isinf(gradation)) {
+    SizingField result = field.scaled(unlimited, job.part(0.01, 1));
+    job.finish();
+    return result;
+  }
+  double from = 0.06;
+  const detail::GradationLimiter limiter(field, job.part(0.01, from));
   // The mean size of disks over the wanted one grows with s, in proportion where nothing is limited: false position with
   // halving (Illinois) takes a few steps. The limit makes disks smaller, so s is not below `unlimited`.
   constexpr double kClose = 2.5e-3;  // counts depart from the integral by more than twice that anyway
   constexpr int kMaxSteps = 40;
-  constexpr double kShareOfStep = 0.35;  // of what is left: mostly there are three or four
   double low = 0, low_off = -1, high = 0, high_off = 0, last_off = 0, s = unlimited;
   for (int step = 0;; ++step) {
-    const double next_done = done + kShareOfStep * (1 - done);
-    SizingField result = limiter.limited(s, gradation, run.part(done, next_done));
-    done = next_done;
-    const double off = 1 / count_factor(result, count) - 1;
+    // Three or four steps are usual; of more, each takes two thirds of what is left.
+    const double to = from + (1 - from) / std::max(1.5, 3.8 - step), counting = from + 0.95 * (to - from);
+    SizingField result = limiter.limited(s, gradation, job.part(from, counting));
+    const double off = 1 / count_factor(result, count, job.part(counting, to)) - 1;
     if (std::abs(off) < kClose || step == kMaxSteps) {
-      run.finish();
+      job.finish();
       return result;
     }
+    from = to;
     (off < 0 ? low : high) = s;
     (off < 0 ? low_off : high_off) = off;
     if (last_off * off > 0) (off < 0 ? high_off : low_off) /= 2;  // the same end moved twice

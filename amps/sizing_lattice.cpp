@@ -8,7 +8,8 @@ namespace amps::detail {
 
 void refuse_sizing(const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "sizing: " + what); }
 
-std::shared_ptr<SizingLattice> make_lattice(Mesh mesh, std::vector<double> areas, std::vector<std::uint8_t> levels) {
+std::shared_ptr<SizingLattice> make_lattice(Mesh mesh, std::vector<double> areas, std::vector<std::uint8_t> levels,
+                                            const Execution& execution) {
   auto lattice = std::make_shared<SizingLattice>();
   lattice->mesh = std::move(mesh);
   lattice->areas = std::move(areas);
@@ -17,25 +18,25 @@ std::shared_ptr<SizingLattice> make_lattice(Mesh mesh, std::vector<double> areas
   const std::size_t n = lattice->levels.size();
   lattice->first_node.assign(n + 1, 0);
   lattice->first_piece.assign(n + 1, 0);
-  for (std::size_t f = 0; f < n; ++f) {
+  for_each_index(n, execution.part(0, 0.3), [&](std::size_t f) {
     const Index k = Index{1} << lattice->levels[f];
     lattice->first_node[f + 1] = lattice->first_node[f] + nodes_of_lattice(k);
     lattice->first_piece[f + 1] = lattice->first_piece[f] + slot(k) * slot(k);
-  }
+  });
   lattice->piece_facet.resize(lattice->first_piece[n]);
-  for (std::size_t f = 0; f < n; ++f) {
+  for_each_index(n, execution.part(0.3, 1), [&](std::size_t f) {
     std::fill(lattice->piece_facet.begin() + static_cast<std::ptrdiff_t>(lattice->first_piece[f]),
               lattice->piece_facet.begin() + static_cast<std::ptrdiff_t>(lattice->first_piece[f + 1]), static_cast<Index>(f));
-  }
+  });
   return lattice;
 }
 
-std::vector<std::size_t> first_sides(const TrianglesView& triangles, Index num_vertices) {
-  const MeshEdges edges(triangles, num_vertices);
+std::vector<std::size_t> first_sides(const TrianglesView& triangles, Index num_vertices, const Execution& execution) {
+  const MeshEdges edges(triangles, num_vertices, {}, execution.part(0, 0.7));
   std::vector<std::size_t> first(edges.num_corners());
-  for (std::size_t e = 0; e < edges.size(); ++e) {
+  for_each_index(edges.size(), execution.part(0.7, 1), [&](std::size_t e) {
     for (const EdgeSide& side : edges[e]) first[side.corner()] = edges[e][0].corner();
-  }
+  });
   return first;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/sizing.h"
 
@@ -39,8 +40,8 @@ struct SizingLattice {
 };
 
 struct SizingFieldAccess {
-  static SizingField make(std::shared_ptr<const SizingLattice> lattice, std::vector<double> nodes) {
-    return {std::move(lattice), std::move(nodes)};
+  static SizingField make(std::shared_ptr<const SizingLattice> lattice, std::vector<double> nodes, const Execution& execution) {
+    return {std::move(lattice), std::move(nodes), execution};
   }
   static const std::shared_ptr<const SizingLattice>& lattice(const SizingField& field) { return field.lattice_; }
   static const std::vector<double>& nodes(const SizingField& field) { return *field.nodes_; }
@@ -111,10 +112,11 @@ inline PlaceOnSide place_on_side(Index k, Index i, Index j) {
 }
 
 /// The first side of each side's edge, by side (3·facet + k): two facets count the nodes of their edge from the same end.
-std::vector<std::size_t> first_sides(const TrianglesView& triangles, Index num_vertices);
+std::vector<std::size_t> first_sides(const TrianglesView& triangles, Index num_vertices, const Execution& execution);
 
 /// A lattice of the given levels (empty: k = 1 everywhere).
-std::shared_ptr<SizingLattice> make_lattice(Mesh mesh, std::vector<double> areas, std::vector<std::uint8_t> levels);
+std::shared_ptr<SizingLattice> make_lattice(Mesh mesh, std::vector<double> areas, std::vector<std::uint8_t> levels,
+                                            const Execution& execution);
 
 /// The mean of 1/r² over a triangle on which r is linear, > 0 at the corners; relative error below 1e-12.
 double mean_inverse_square(const std::array<double, 3>& radii);

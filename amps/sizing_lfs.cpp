@@ -6,6 +6,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sizing.h"
 
+#include "amps/execution.h"
 #include "amps/kdtree.h"
 #include "amps/mesh_edges.h"
 #include "amps/portable_math.h"
@@ -22,22 +23,30 @@
 namespace amps {
 namespace {
 
+using detail::for_each_index;
 using detail::slot;
+
+constexpr const char* kLfsStage = "measuring local feature size";
+constexpr double kAxisEnd = 0.8;  ///< of the time
 
 /// Samples that carry the poles: the corners of all facets with area, and the nodes of a lattice of 4^level triangles on facets
 /// that are coarse beside the feature size. Equal positions are one sample. Everything is multiplied by a power of two, so that
 /// squares and fourth powers of coordinates are doubles.
 class PoleSamples {
  public:
-  PoleSamples(const MeshView& mesh, const Execution& run) : mesh_(mesh), areas_(facet_areas(mesh)), level_(areas_.size(), 0) {
-    const Box box = bounding_box(mesh);
+  PoleSamples(const MeshView& mesh, const Execution& execution)
+      : mesh_(mesh),
+        areas_(facet_areas(mesh, execution.part(0, 0.2))),
+        level_(areas_.size(), 0),
+        points_(slot(mesh.num_vertices()), execution.part(0.2, 0.2)) {
+    const Box box = bounding_box(mesh, execution.part(0.2, 0.3));
     int exponent = 0;
     std::frexp(std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff()), &exponent);
     scale_ = std::ldexp(1.0, -std::clamp(exponent, -1000, 1000));
     diagonal_ = (scale_ * box.max - scale_ * box.min).norm();
     for (Index f = 0; f < mesh.num_facets(); ++f) total_area_ += areas_[slot(f)] * scale_ * scale_;
     sample_of_vertex_.assign(slot(mesh.num_vertices()), kNone);
-    visit_lattices(run);
+    visit_lattices(execution.part(0.3, 1));
   }
 
   double scale() const { return scale_; }
@@ -50,19 +59,18 @@ class PoleSamples {
   /// Unit; the mean of the facets around.
   Vec3 normal(Index s) const { return around_[slot(s)].normal.normalized(); }
   /// True if refine() might have something to do.
-  bool coarser_than(double shortest) const {
-    for (Index f = 0; f < mesh_.num_facets(); ++f) {
-      if (may_refine(f, shortest)) return true;
-    }
-    return false;
+  bool coarser_than(double shortest, const Execution& execution) const {
+    bool found = false;
+    for_each_index(mesh_.num_facets(), execution, [&](Index f) { found = found || may_refine(f, shortest); });
+    return found;
   }
 
   /// Adds what is missing for lattice edges to be no longer than `fraction` of feature(x), but not shorter than `shortest`.
   template <class Feature>
-  void refine(double fraction, double shortest, const Feature& feature, const Execution& run) {
-    detail::Ticker ticker(run.part(0, 0.5), slot(mesh_.num_facets()));
+  void refine(double fraction, double shortest, const Feature& feature, const Execution& execution) {
     std::vector<double> at_vertex(slot(mesh_.num_vertices()), -1);
     bool finer = false;
+    detail::Ticker ticker(execution.part(0, 0.7), static_cast<std::uint64_t>(mesh_.num_facets()));
     for (Index f = 0; f < mesh_.num_facets(); ++f) {
       ticker.tick();
       if (!may_refine(f, shortest)) continue;
@@ -74,11 +82,12 @@ class PoleSamples {
       }
       finer |= refine_facet(f, std::max(shortest, fraction * smallest));
     }
-    if (finer) visit_lattices(run.part(0.5, 1));
+    if (finer) visit_lattices(execution.part(0.7, 1));
   }
 
  private:
   static constexpr int kMaxLevel = 10;
+  static constexpr Index kRowsPerLook = 16;  ///< of up to 2^kMaxLevel nodes
 
   /// What the facets around a sample are like.
   struct Surrounding {
@@ -124,12 +133,10 @@ class PoleSamples {
   }
 
   /// Finds or adds the samples of all lattices, and sees what is around each. Lattices are nested, so samples stay.
-  void visit_lattices(const Execution& run) {
-    detail::Ticker ticker(run, slot(mesh_.num_facets()));
+  void visit_lattices(const Execution& execution) {
     std::fill(around_.begin(), around_.end(), Surrounding());
-    for (Index f = 0; f < mesh_.num_facets(); ++f) {
-      ticker.tick();
-      if (!(areas_[slot(f)] > 0)) continue;
+    for_each_index(mesh_.num_facets(), execution, [&](Index f) {
+      if (!(areas_[slot(f)] > 0)) return;
       const Vec3 normal = weighted_normal(f);
       const double edge = std::ldexp(longest_edge(f), -level_[slot(f)]);
       for (int k = 0; k < 3; ++k) {
@@ -137,11 +144,11 @@ class PoleSamples {
         if (sample == kNone) sample = find_or_add(scale_ * mesh_.corner(f, k));
         meet_facet(sample, normal, edge);
       }
-      if (level_[slot(f)] > 0) visit_inner_nodes(f, normal, edge);
-    }
+      if (level_[slot(f)] > 0) visit_inner_nodes(f, normal, edge, execution);
+    });
   }
 
-  void visit_inner_nodes(Index f, const Vec3& normal, double edge) {
+  void visit_inner_nodes(Index f, const Vec3& normal, double edge, const Execution& execution) {
     const Index k = Index{1} << level_[slot(f)];
     // Corners in the order of their coordinates: two facets make the same points of a shared edge.
     std::array<Vec3, 3> corner{scale_ * mesh_.corner(f, 0), scale_ * mesh_.corner(f, 1), scale_ * mesh_.corner(f, 2)};
@@ -156,6 +163,7 @@ class PoleSamples {
                        k;
         meet_facet(find_or_add(x), normal, edge);
       }
+      if (j % kRowsPerLook == 0) execution.report(0);
     }
   }
 
@@ -205,26 +213,23 @@ struct Pole {
 /// The poles of all samples, in their order, and what filters ask of them.
 class PoleFinder {
  public:
-  PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation, const Execution& run)
+  PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation, const Execution& execution)
       : samples_(samples), triangulation_(triangulation) {
-    balls_.resize(slot(triangulation.cell_capacity()));
-    detail::Ticker ticker(run, 3 * balls_.size(), kCellsPerLook);
-    for (Index c = 0; c < triangulation.cell_capacity(); ++c) {
+    detail::resize_watched(balls_, slot(triangulation.cell_capacity()), PoleBall(), execution.part(0, 0));
+    for_each_index(triangulation.cell_capacity(), execution.part(0, 0.5), [&](Index c) {
       const auto& cell = triangulation.cell(c);
       if (cell.alive() && !cell.ghost()) balls_[slot(c)] = pole_ball(triangulation, cell);
-      ticker.tick();
-    }
-    find_first(ticker);
-    find_second(ticker);
+    });
+    find_first(execution.part(0.5, 0.75));
+    find_second(execution.part(0.75, 1));
   }
 
-  std::vector<Pole> poles(const Execution& run) const {
-    detail::Ticker ticker(run, slot(triangulation_.num_vertices()), kCellsPerLook);
+  std::vector<Pole> poles(const Execution& execution) const {
     std::vector<Vec3> normals;
-    for (Index s = 0; s < triangulation_.num_vertices(); ++s) normals.push_back(samples_.normal(s));
+    for_each_index(triangulation_.num_vertices(), execution.part(0, 0.1),
+                   [&](Index s) { normals.push_back(samples_.normal(s)); });
     std::vector<Pole> result;
-    for (Index s = 0; s < triangulation_.num_vertices(); ++s) {
-      ticker.tick();
+    for_each_index(triangulation_.num_vertices(), execution.part(0.1, 1), [&](Index s) {
       for (const Index c : {first_[slot(s)], second_[slot(s)]}) {
         if (c == kNone) continue;
         const double radius = std::sqrt(balls_[slot(c)].squared_radius), resolved = radius / samples_.spacing(s);
@@ -234,7 +239,7 @@ class PoleFinder {
         result.push_back({balls_[slot(c)].center, radius, resolved, 0, false});
         see_contacts(c, normals, result.back());
       }
-    }
+    });
     return result;
   }
 
@@ -257,14 +262,13 @@ class PoleFinder {
 
   /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
   /// outward.
-  void find_first(detail::Ticker& ticker) {
+  void find_first(const Execution& execution) {
     first_.assign(slot(triangulation_.num_vertices()), kNone);
     direction_.assign(first_.size(), Vec3::Zero());
     std::vector<char> on_hull(first_.size(), 0);
-    for (Index c = 0; c < triangulation_.cell_capacity(); ++c) {
-      ticker.tick();
+    for_each_index(triangulation_.cell_capacity(), execution.part(0, 0.8), [&](Index c) {
       const auto& cell = triangulation_.cell(c);
-      if (!cell.alive()) continue;
+      if (!cell.alive()) return;
       if (cell.ghost()) {
         const Vec3 a = triangulation_.point(cell.vertex[0]).position();
         const Vec3 normal = (triangulation_.point(cell.vertex[1]).position() - a)
@@ -275,40 +279,38 @@ class PoleFinder {
           direction_[v] += normal;
           on_hull[v] = 1;
         }
-        continue;
+        return;
       }
       for (const Index v : cell.vertex) {
         Index& best = first_[slot(v)];
         const double square = balls_[slot(c)].squared_radius;
         if (square >= 0 && (best == kNone || square > balls_[slot(best)].squared_radius)) best = c;
       }
-    }
-    for (std::size_t v = 0; v < first_.size(); ++v) {
+    });
+    for_each_index(first_.size(), execution.part(0.8, 1), [&](std::size_t v) {
       if (on_hull[v] != 0) {
         first_[v] = kNone;
       } else if (first_[v] != kNone) {
         direction_[v] = balls_[slot(first_[v])].center - triangulation_.point(static_cast<Index>(v)).position();
       }
-    }
+    });
   }
 
   /// The farthest on the other side of the surface.
-  void find_second(detail::Ticker& ticker) {
+  void find_second(const Execution& execution) {
     second_.assign(first_.size(), kNone);
-    for (Index c = 0; c < triangulation_.cell_capacity(); ++c) {
+    for_each_index(triangulation_.cell_capacity(), execution, [&](Index c) {
       const auto& cell = triangulation_.cell(c);
       const PoleBall& ball = balls_[slot(c)];
-      ticker.tick();
-      if (!cell.alive() || cell.ghost() || ball.squared_radius < 0) continue;
+      if (!cell.alive() || cell.ghost() || ball.squared_radius < 0) return;
       for (const Index v : cell.vertex) {
         Index& best = second_[slot(v)];
         if (best != kNone && ball.squared_radius <= balls_[slot(best)].squared_radius) continue;
         if ((ball.center - triangulation_.point(v).position()).dot(direction_[slot(v)]) < 0) best = c;
       }
-    }
+    });
   }
 
-  static constexpr std::uint64_t kCellsPerLook = 1 << 13;  // a millisecond
   const PoleSamples& samples_;
   const RegularTriangulation& triangulation_;
   std::vector<PoleBall> balls_;  ///< by cell
@@ -319,15 +321,14 @@ class PoleFinder {
 /// Of the poles that count, one for each box of a grid of side `fineness` times the pole's radius, rounded down to a power of
 /// two: the poles of a sphere are all one point, and a search among many that are equally near looks at each.
 template <class Filter>
-Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filter& counts, const Execution& run) {
-  detail::Ticker ticker(run, poles.size(), 1 << 13);
+Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filter& counts, const Execution& execution) {
   std::size_t capacity = 16;
   while (capacity < 2 * poles.size()) capacity *= 2;
   std::vector<std::uint64_t> table(capacity, 0);
   std::vector<double> kept;
-  for (const Pole& pole : poles) {
-    ticker.tick();
-    if (!counts(pole)) continue;
+  for_each_index(poles.size(), execution, [&](std::size_t i) {
+    const Pole& pole = poles[i];
+    if (!counts(pole)) return;
     int exponent = 0;
     std::frexp(pole.radius * fineness, &exponent);
     std::uint64_t key = static_cast<std::uint64_t>(static_cast<std::int64_t>(exponent));
@@ -339,42 +340,50 @@ Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filt
     key |= 1;  // 0 is an empty entry; two boxes share a key of 63 bits with probability 1e-9 among 1e5 poles
     std::size_t at = key >> 1 & (capacity - 1);
     while (table[at] != 0 && table[at] != key) at = (at + 1) & (capacity - 1);
-    if (table[at] == key) continue;
+    if (table[at] == key) return;
     table[at] = key;
     kept.insert(kept.end(), {pole.center.x(), pole.center.y(), pole.center.z()});
-  }
+  });
   return Points(std::move(kept));
 }
 
 /// The medial axis of a mesh, as poles.
 class MedialAxis {
  public:
-  MedialAxis(const MeshView& mesh, const LfsOptions& options, const Execution& run) : samples_(mesh, run.part(0, 0.05)) {
+  MedialAxis(const MeshView& mesh, const LfsOptions& options, const Execution& execution)
+      : samples_(mesh, execution.part(0, kSamplesEnd)) {
     const double separation = 2 * detail::portable_sine(detail::to_radians(options.min_separation / 2));
     const double shortest = std::sqrt(samples_.total_area() / (kHexagonal * options.samples));
-    double done = 0.55;
-    RegularTriangulation triangulation(samples_.positions_from(0), no_weights(samples_.size()));
-    std::vector<Pole> poles = poles_of(triangulation, run.part(0.4, done));
-    for (int round = 0; round < kRounds && samples_.coarser_than(shortest); ++round) {
+    double from = kSamplesEnd;
+    bool coarse = samples_.coarser_than(shortest, execution.part(from, from));
+    // Of a mesh that is fine enough there is one round, of others two or three: each takes half of what is left.
+    double to = coarse ? (from + kRoundsEnd) / 2 : kRoundsEnd;
+    const double triangulated = from + kTriangulationShare * (to - from);
+    RegularTriangulation triangulation(samples_.positions_from(0), no_weights(samples_.size()),
+                                       execution.part(from, triangulated));
+    std::vector<Pole> poles = find_poles(triangulation, execution.part(triangulated, to));
+    for (int round = 0; round < kRounds && coarse; ++round) {
+      from = to;
+      to = (from + kRoundsEnd) / 2;
+      const Execution job = execution.part(from, to);
       // What must be resolved is where the surface comes near itself; near creases that never ends.
-      const Execution part = run.part(done, done + kShareOfRound);
-      done += kShareOfRound;
       set_poles(
-          poles, [](const Pole& pole) { return pole.opposite; }, part.part(0, 0.2));
+          poles, [](const Pole& pole) { return pole.opposite; }, job.part(0, 0.1));
       const Index before = samples_.size();
       samples_.refine(
-          kSpacing, shortest, [this](const Vec3& x) { return scaled_distance(x); }, part.part(0.2, 0.5));
+          kSpacing, shortest, [this](const Vec3& x) { return scaled_distance(x); }, job.part(0.1, 0.3));
       if (samples_.size() == before) break;
-      triangulation.insert(samples_.positions_from(before), no_weights(samples_.size() - before));
-      poles = poles_of(triangulation, part.part(0.8, 1));
+      triangulation.insert(samples_.positions_from(before), no_weights(samples_.size() - before), job.part(0.3, 0.8));
+      poles = find_poles(triangulation, job.part(0.8, 1));
       if (samples_.size() - before < kSettled * before) break;
+      coarse = samples_.coarser_than(shortest, job.part(1, 1));
     }
     set_poles(
         poles,
         [&](const Pole& pole) {
           return pole.opposite || (pole.resolved >= options.min_pole_ratio && pole.apart >= separation);
         },
-        run.part(0.9, 1));
+        execution.part(kRoundsEnd, 1));
   }
 
   double distance(const Vec3& x) const {
@@ -385,21 +394,24 @@ class MedialAxis {
  private:
   static constexpr double kHexagonal = 1.1547;  ///< samples per area / spacing² in a hexagonal lattice
   static constexpr int kRounds = 3;
-  static constexpr double kShareOfRound = 0.115;  ///< of the time
-  static constexpr double kSettled = 0.02;        ///< part of samples: after so few new ones there is no further round
-  static constexpr double kSpacing = 0.33;        ///< lattice edges beside the feature size
-  static constexpr double kFineness = 0.005;      ///< of the grid that thins poles: an error of up to √3 times as much
-  static constexpr double kMinDistance = 1e-6;    ///< over the diagonal
+  static constexpr double kSettled = 0.02;      ///< part of samples: after so few new ones there is no further round
+  static constexpr double kSpacing = 0.33;      ///< lattice edges beside the feature size
+  static constexpr double kFineness = 0.005;    ///< of the grid that thins poles: an error of up to √3 times as much
+  static constexpr double kMinDistance = 1e-6;  ///< over the diagonal
+
+  static constexpr double kSamplesEnd = 0.1, kRoundsEnd = 0.95;  ///< of the time
+  static constexpr double kTriangulationShare = 0.8;             ///< of a round; the rest is for poles
 
   static std::vector<double> no_weights(Index n) { return std::vector<double>(slot(n), 0.0); }
 
-  std::vector<Pole> poles_of(const RegularTriangulation& triangulation, const Execution& run) const {
-    return PoleFinder(samples_, triangulation, run.part(0, 0.6)).poles(run.part(0.6, 1));
+  std::vector<Pole> find_poles(const RegularTriangulation& triangulation, const Execution& execution) const {
+    return PoleFinder(samples_, triangulation, execution.part(0, 0.6)).poles(execution.part(0.6, 1));
   }
 
   template <class Filter>
-  void set_poles(const std::vector<Pole>& poles, const Filter& counts, const Execution& run) {
-    tree_ = KdTree(thinned_poles(poles, kFineness, counts, run.part(0, 0.3)), run.part(0.3, 1));
+  void set_poles(const std::vector<Pole>& poles, const Filter& counts, const Execution& execution) {
+    const Points thinned = thinned_poles(poles, kFineness, counts, execution.part(0, 0.6));
+    tree_ = KdTree(thinned, execution.part(0.6, 1));
   }
 
   double scaled_distance(const Vec3& x) const {
@@ -422,37 +434,38 @@ void require_lfs_options(const LfsOptions& options) {
 
 std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options,
                                        const Execution& execution) {
-  require_usable(mesh);
+  const Execution job = execution.start(kLfsStage);
+  require_usable(mesh, job.part(0, 0.02));
   require_lfs_options(options);
   for (std::ptrdiff_t i = 0; i < points.rows(); ++i) {
     if (points[i].allFinite()) continue;
     throw Error(ErrorCode::kInvalidArgument, "lfs: point " + std::to_string(i) + " (0-based) is not finite; remove it");
   }
-  const Execution run = execution.start("measuring the feature size");
-  const MedialAxis axis(mesh, options, run.part(0, 0.8));
+  const MedialAxis axis(mesh, options, job.part(0.02, kAxisEnd));
   std::vector<double> result(static_cast<std::size_t>(points.rows()));
   constexpr std::size_t kGrain = 1024;
-  detail::WorkCounter counter(run.part(0.8, 1), result.size());
-  parallel_for(result.size(), kGrain, run, [&](std::size_t begin, std::size_t end) {
+  detail::WorkCounter counter(job.part(kAxisEnd, 1), result.size());
+  parallel_for(result.size(), kGrain, job, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) result[i] = axis.distance(points[static_cast<std::ptrdiff_t>(i)]);
     counter.add(end - begin);
   });
-  run.finish();
+  job.finish();
   return result;
 }
 
 SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options, const Execution& execution) {
-  require_usable(mesh);
+  const Execution job = execution.start(kLfsStage);
+  require_usable(mesh, job.part(0, 0.02));
   require_lfs_options(options);
-  const Execution run = execution.start("measuring the feature size");
-  const MedialAxis axis(mesh, options, run.part(0, 0.7));
+  const MedialAxis axis(mesh, options, job.part(0.02, kAxisEnd));
   TabulationOptions tabulation;
   tabulation.tolerance = options.tolerance;
   tabulation.finest = 1;  // lfs is 1-Lipschitz: a finer mesh resolves it
-  const SizingField field = function_sizing(
-      mesh, [&](const SurfacePoint& at) { return axis.distance(at.position); }, tabulation, run.part(0.7, 1));
-  run.finish();
-  return options.scale == 1 ? field : field.scaled(options.scale);
+  SizingField field = function_sizing(
+      mesh, [&](const SurfacePoint& at) { return axis.distance(at.position); }, tabulation, job.part(kAxisEnd, 0.98));
+  if (options.scale != 1) field = field.scaled(options.scale, job.part(0.98, 1));
+  job.finish();
+  return field;
 }
 
 }  // namespace amps

@@ -13,9 +13,11 @@
 #include <iomanip>
 #include <limits>
 #include <locale>
+#include <numeric>
 #include <ostream>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace amps {
@@ -88,24 +90,37 @@ std::array<Vec3, 3> corners_of(const MeshView& mesh, Index facet) {
 
 double greatest_of(const DistanceCorners& p) { return std::max({p[0].distance, p[1].distance, p[2].distance}); }
 
+/// The range of a job cut into parts in proportion to expected costs.
+class TimeShares {
+ public:
+  TimeShares(const Execution& job, const std::vector<double>& costs) : job_(job), ends_(costs.size() + 1, 0.0) {
+    std::partial_sum(costs.begin(), costs.end(), ends_.begin() + 1);
+  }
+  Execution part(std::size_t i) const { return job_.part(ends_[i] / ends_.back(), ends_[i + 1] / ends_.back()); }
+
+ private:
+  const Execution& job_;
+  std::vector<double> ends_;
+};
+
 /// One direction: vertices first, then the integrals, then cuts where these leave the greatest distance uncertain.
 class OneSidedMeasure {
  public:
   OneSidedMeasure(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double diagonal,
-                  const DistanceOptions& options, Execution run)
+                  const DistanceOptions& options)
       : from_(from),
         to_(to),
         tree_(tree),
         tolerance_(options.tolerance * diagonal),
         spacing_(options.spacing * diagonal),
-        options_(options),
-        run_(std::move(run)) {}
+        options_(options) {}
 
-  OneSidedDistance run() {
-    measure_vertices(run_.part(0, 0.15));
-    integrate(run_.part(0.15, 0.85));
-    enclose(run_.part(0.85, 1));
-    run_.finish();
+  /// Shares: those of the search tree, of measuring and of cutting. Throws Error(kCancelled) when cancelled.
+  OneSidedDistance run(const TimeShares& shares) {
+    const Execution measuring = shares.part(1);
+    measure_vertices(measuring.part(0, 0.4));
+    integrate(measuring.part(0.4, 1));
+    enclose(shares.part(2));
     const FarthestPoint& p = farthest_;
     result_.hausdorff_lower = p.point.distance;
     result_.farthest = {p.facet, p.point.barycentric, position(p.facet, p.point.barycentric)};
@@ -137,12 +152,12 @@ class OneSidedMeasure {
   }
 
   /// Distances of all vertices. Along a curve, so that each starts from the facet nearest to its neighbour.
-  void measure_vertices(const Execution& run) {
-    detail::WorkCounter counter(run, detail::slot(from_.num_vertices()));
+  void measure_vertices(const Execution& execution) {
     at_vertex_.resize(detail::slot(from_.num_vertices()));
-    const std::vector<Index> order = detail::curve_order(from_.vertices);
+    const std::vector<Index> order = detail::curve_order(from_.vertices, execution.part(0, 0.2));
     constexpr std::size_t kGrain = 1024;
-    parallel_for(order.size(), kGrain, run, [&](std::size_t begin, std::size_t end) {
+    detail::WorkCounter counter(execution.part(0.2, 1), order.size());
+    parallel_for(order.size(), kGrain, execution, [&](std::size_t begin, std::size_t end) {
       Index hint = kNone;
       for (std::size_t i = begin; i < end; ++i) {
         const SurfaceHit hit = tree_.nearest(from_.vertices[order[i]], hint);
@@ -153,27 +168,30 @@ class OneSidedMeasure {
     });
   }
 
-  // ---- Mean and root mean square ----
-
   struct Sums {
     double mean = 0, square = 0;                ///< ∫ d, ∫ d²
     double mean_change = 0, square_change = 0;  ///< sums of what a rule of lower degree changes in each cell
     FarthestPoint farthest;
+    std::uint64_t cells_untold = 0;  ///< not yet counted as work done
   };
 
-  void integrate(const Execution& run) {
+  void integrate(const Execution& execution) {
     const std::size_t facets = detail::slot(from_.num_facets());
-    detail::WorkCounter counter(run, facets);
     constexpr std::size_t kGrain = 64;
     std::vector<Sums> sums((facets + kGrain - 1) / kGrain);
     upper_.assign(facets, 0);
-    parallel_for(facets, kGrain, run, [&](std::size_t begin, std::size_t end) {
+    const double area = total_area(from_, execution.part(0, 0.05));
+    // Halving leaves cells of a fifth of the squared spacing, as a mean.
+    const double cells = std::min(5 * area / (spacing_ * spacing_), 1e18);
+    detail::WorkCounter counter(execution.part(0.05, 1), facets + static_cast<std::uint64_t>(cells));
+    counter_ = &counter;
+    parallel_for(facets, kGrain, execution, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const auto f = static_cast<Index>(i);
         const std::array<Vec3, 3> x = corners_of(from_, f);
         integrate(f, facet_corners(f), 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm(), sums[begin / kGrain]);
       }
-      counter.add(end - begin);
+      tell_cells(sums[begin / kGrain]);
     });
     Sums all;
     for (const Sums& sum : sums) {
@@ -183,7 +201,6 @@ class OneSidedMeasure {
       all.square_change += sum.square_change;
       farthest_.offer(sum.farthest.point, sum.farthest.facet);
     }
-    const double area = total_area(from_);
     result_.mean = all.mean / area;
     result_.mean_error = all.mean_change / area;
     result_.rms = std::sqrt(all.square / area);
@@ -197,7 +214,6 @@ class OneSidedMeasure {
     std::array<Vec3, 3> x;
     for (std::size_t k = 0; k < 3; ++k) x[k] = p[k].barycentric[1] * ab + p[k].barycentric[2] * ac;
     const LongestSide side(x);
-    run_.check();  // a facet may hold all of the points
     if (side.length <= spacing_) {
       add_cell(facet, p, area, sums);
       return;
@@ -207,6 +223,8 @@ class OneSidedMeasure {
     integrate(facet, {a, middle, c}, area / 2, sums);
     integrate(facet, {middle, b, c}, area / 2, sums);
   }
+
+  void tell_cells(Sums& sums) { counter_->add(std::exchange(sums.cells_untold, 0)); }
 
   /// The rule of degree 2 with weights 3/4 at the centroid and 1/12 at the corners. All weights are positive, so no mean is
   /// negative. That of the centroid alone has degree 1; their difference is its error, to leading order.
@@ -220,6 +238,8 @@ class OneSidedMeasure {
       square += p.distance * p.distance / 3;
     }
     sums.farthest.offer(centre, facet);
+    constexpr std::uint64_t kCellsPerLook = 256;
+    if (++sums.cells_untold == kCellsPerLook) tell_cells(sums);
     const double at_centre = centre.distance;
     sums.mean += area * (0.75 * at_centre + 0.25 * mean);
     sums.square += area * (0.75 * at_centre * at_centre + 0.25 * square);
@@ -237,16 +257,13 @@ class OneSidedMeasure {
     }
   }
 
-  // ---- The greatest distance ----
-
   /// Pieces whose bound is at most this need no cut.
   double goal() const { return farthest_.point.distance + tolerance_; }
 
   /// Cuts pieces until no bound exceeds the goal. They queue, and are cut in batches with the goal as it was before: so the
   /// number of threads changes nothing. (First come, first served: the best first would save nothing, for the sampling of
   /// integrate() has the lower bound close to its end, and with it the pieces that must be cut.)
-  void enclose(const Execution& run) {
-    detail::Ticker ticker(run.part(0, 0.5), detail::slot(from_.num_facets()));
+  void enclose(const Execution& execution) {
     std::deque<DistancePiece> queue;
     double settled = 0;  // the highest bound of the pieces that need no cut
     const auto keep = [&](const DistancePiece& piece) {
@@ -256,26 +273,32 @@ class OneSidedMeasure {
         settled = std::max(settled, piece.upper);
       }
     };
-    for (Index f = 0; f < from_.num_facets(); ++f) {
+    constexpr double kListed = 0.05;  // of the time
+    detail::for_each_index(from_.num_facets(), execution.part(0, kListed), [&](Index f) {
       DistancePiece piece;
       piece.facet = f;
       piece.corners = facet_corners(f);
       piece.upper = upper_[detail::slot(f)];
       bound(piece);
       keep(piece);
-      ticker.tick();
-    }
-    const Execution cutting = run.part(0.5, 1);
-    constexpr std::size_t kBatch = 8192, kGrain = 64;  // few batches, as all threads wait at the end of each
+    });
+    const Execution cutting = execution.part(kListed, 1);
+    constexpr std::size_t kBatch = 8192, kGrain = 64;
     std::vector<CutPiece> cut;
+    double done = 0, parted = 0;
     for (std::int64_t left = options_.max_cuts; left > 0 && !queue.empty();) {
       const std::size_t n = std::min({kBatch, queue.size(), static_cast<std::size_t>(left)});
       cut.resize(std::max(cut.size(), n));
-      const auto spent = static_cast<double>(options_.max_cuts - left);
-      cutting.report(spent /
-                     (spent + static_cast<double>(std::min<std::int64_t>(left, static_cast<std::int64_t>(queue.size())))));
-      parallel_for(n, kGrain, run, [&](std::size_t begin, std::size_t end) {
+      // As if on and on a cut left as many parts to cut as it did so far (a geometric series), but no more than surfaces take
+      // that coincide: about ten cuts for each facet of the other (measured).
+      constexpr double kMaxRatio = 0.95, kMaxCuts = 10;
+      const double waiting = static_cast<double>(queue.size());
+      const double ratio = done > 0 ? std::min(parted / done, kMaxRatio) : kMaxRatio;
+      const double left_to_do = std::min(waiting / (1 - ratio), std::max(kMaxCuts * to_.num_facets() - done, waiting));
+      const double fraction = done / (done + left_to_do);
+      parallel_for(n, kGrain, execution, [&](std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i < end; ++i) cut[i] = cut_piece(queue[i]);
+        cutting.report(fraction);
       });
       queue.erase(queue.begin(), queue.begin() + static_cast<std::ptrdiff_t>(n));
       for (std::size_t i = 0; i < n; ++i) {
@@ -283,10 +306,13 @@ class OneSidedMeasure {
           for (const DistancePoint& p : part.corners) farthest_.offer(p, part.facet);
         }
       }
+      const std::size_t uncut = queue.size();
       for (std::size_t i = 0; i < n; ++i) {
         for (std::size_t k = 0; k < cut[i].count; ++k) keep(cut[i].parts[k]);
       }
       left -= static_cast<std::int64_t>(n);
+      done += static_cast<double>(n);
+      parted += static_cast<double>(queue.size() - uncut);
     }
     for (const DistancePiece& piece : queue) settled = std::max(settled, piece.upper);
     result_.hausdorff = std::max(settled, farthest_.point.distance);
@@ -423,10 +449,10 @@ class OneSidedMeasure {
   const SurfaceTree& tree_;  ///< of `to`
   double tolerance_, spacing_;
   const DistanceOptions& options_;
-  const Execution run_;
   std::vector<DistancePoint> at_vertex_;
   std::vector<double> upper_;  ///< of each facet: no point of it is farther
   FarthestPoint farthest_;
+  detail::WorkCounter* counter_ = nullptr;  ///< of cells, while integrate() runs
   OneSidedDistance result_;
 };
 
@@ -450,11 +476,11 @@ struct ScaledMeshes {
   double scale;
   Mesh first, second;
 
-  ScaledMeshes(const MeshView& a, const MeshView& b) {
-    require_usable(a);
-    require_usable(b);
-    first = remove_isolated_vertices(a);
-    second = remove_isolated_vertices(b);
+  ScaledMeshes(const MeshView& a, const MeshView& b, const Execution& execution) {
+    require_usable(a, execution.part(0, 0.25));
+    require_usable(b, execution.part(0.25, 0.5));
+    first = remove_isolated_vertices(a, execution.part(0.5, 0.75));
+    second = remove_isolated_vertices(b, execution.part(0.75, 1));
     int exponent = 0;
     std::frexp(std::max(first.vertices.map().cwiseAbs().maxCoeff(), second.vertices.map().cwiseAbs().maxCoeff()), &exponent);
     scale = std::ldexp(1.0, -std::clamp(exponent, -1022, 1022));
@@ -468,43 +494,61 @@ struct ScaledMeshes {
   }
 };
 
-}  // namespace
+constexpr const char* kDistanceStage = "measuring distances";
 
-namespace {
+/// Nanoseconds, roughly, to foresee time (measured: spheres of 4·10³ to 2·10⁶ facets, near each other). Where the surfaces are
+/// (nearly) the same, triangles are cut until each lies under one facet of the other: there are as many as that has facets.
+struct OneSidedCost {
+  double tree, measure, cut;
+
+  /// From n facets to m facets.
+  OneSidedCost(double n, double m, const DistanceOptions& options) {
+    const double workers = options.execution.workers(), cells = n + 5 / (options.spacing * options.spacing);
+    tree = 500 * m;
+    measure = 1500 * cells / workers;
+    cut = (500 * n + 15000 * m) / workers;
+  }
+  double all() const { return tree + measure + cut; }
+};
+constexpr double kPrepareCost = 100;  ///< a facet
 
 OneSidedDistance measure_one_side(const Mesh& from, const Mesh& to, double diagonal, const DistanceOptions& options,
-                                  const Execution& run) {
-  const SurfaceTree tree(to, run.part(0, 0.1));
-  return OneSidedMeasure(from, to, tree, diagonal, options, run.part(0.1, 1)).run();
+                                  const Execution& execution) {
+  const OneSidedCost cost(static_cast<double>(from.triangles.rows()), static_cast<double>(to.triangles.rows()), options);
+  const TimeShares shares(execution, {cost.tree, cost.measure, cost.cut});
+  const SurfaceTree tree(to, shares.part(0));
+  return OneSidedMeasure(from, to, tree, diagonal, options).run(shares);
 }
 
 }  // namespace
 
 DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options) {
   require_distance_options(options);
-  const Execution run = options.execution.start("measuring distances");
-  const ScaledMeshes meshes(first, second);
-  run.report(0.02);
+  const Execution job = options.execution.start(kDistanceStage);
+  const double n = first.num_facets(), m = second.num_facets();
+  const TimeShares shares(job, {kPrepareCost * (n + m), OneSidedCost(n, m, options).all(), OneSidedCost(m, n, options).all()});
+  const ScaledMeshes meshes(first, second, shares.part(0));
   DistanceReport report;
   report.diagonal = bounding_box(meshes.first).diagonal();
-  report.forward = measure_one_side(meshes.first, meshes.second, report.diagonal, options, run.part(0.02, 0.51));
-  report.backward = measure_one_side(meshes.second, meshes.first, report.diagonal, options, run.part(0.51, 1));
+  report.forward = measure_one_side(meshes.first, meshes.second, report.diagonal, options, shares.part(1));
+  report.backward = measure_one_side(meshes.second, meshes.first, report.diagonal, options, shares.part(2));
   meshes.unscale(report.forward);
   meshes.unscale(report.backward);
   report.diagonal /= meshes.scale;
-  run.finish();
+  job.finish();
   return report;
 }
 
 OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options) {
   require_distance_options(options);
-  const Execution run = options.execution.start("measuring distances");
-  const ScaledMeshes meshes(from, to);
-  run.report(0.04);
+  const Execution job = options.execution.start(kDistanceStage);
+  const double n = from.num_facets(), m = to.num_facets();
+  const TimeShares shares(job, {kPrepareCost * (n + m), OneSidedCost(n, m, options).all()});
+  const ScaledMeshes meshes(from, to, shares.part(0));
   const double diagonal = bounding_box(meshes.first).diagonal();
-  OneSidedDistance result = measure_one_side(meshes.first, meshes.second, diagonal, options, run.part(0.04, 1));
+  OneSidedDistance result = measure_one_side(meshes.first, meshes.second, diagonal, options, shares.part(1));
   meshes.unscale(result);
-  run.finish();
+  job.finish();
   return result;
 }
 

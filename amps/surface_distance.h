@@ -34,7 +34,7 @@ struct DistanceOptions {
   /// Cuts to spend in each direction on the tolerance; spent, the bounds stay valid but farther apart than asked for. A cut
   /// costs one or two searches; about 400 bytes each are kept at worst.
   std::int64_t max_cuts = 10'000'000;
-  /// Same result on any threads. Stopped: Error(kCancelled).
+  /// Threads, progress and cancelling. The result does not depend on the threads.
   Execution execution;
 };
 
@@ -67,7 +67,7 @@ struct DistanceReport {
 /// The distance between two surfaces, as sets of points: orientation and connectivity play no part, isolated vertices none at
 /// all, and facets without area are curves or points, which count in the Hausdorff distance only. Bounds hold to rounding,
 /// 1e-14 of the greatest coordinate. Throws Error(kInvalidMesh) for a mesh that is not usable (require_usable),
-/// Error(kInvalidArgument) for options out of range. O(n log n) expected for n facets and points. Thread-safe.
+/// Error(kInvalidArgument) for options out of range; kCancelled. O(n log n) expected for n facets and points. Thread-safe.
 DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options = {});
 
 /// One direction alone: distances of the points of `from` to `to`; tolerance and spacing relative to the diagonal of `from`.

@@ -1,6 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/surface_tree.h"
 
+#include "amps/execution.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -213,24 +215,24 @@ struct BuildItem {
 
 class TreeBuilder {
  public:
-  TreeBuilder(std::vector<BuildItem>& items, std::vector<TreeNode>& nodes, const Execution& run)
-      : items_(items), nodes_(nodes), ticker_(run, num_visits(items.size()), kVisitsPerLook) {
-    nodes_.reserve(items.size() / 2 + 1);
+  /// Rearranges the items. Reports as it visits them, which it does some kVisitsPerLevel times on each level.
+  TreeBuilder(std::vector<BuildItem>& items, std::vector<TreeNode>& nodes, const Execution& execution)
+      : items_(items), nodes_(nodes), ticker_(execution, expected_visits(items.size()), detail::kElementsPerLook) {
+    nodes_.reserve(items.size());  // each has two children at least; what is not used takes no memory
     add_node({0, items.size()}, 0);
   }
 
  private:
-  /// Visits of items: three in each halving, one in each node.
-  static std::uint64_t num_visits(std::size_t n) {
-    std::uint64_t halvings = 0;
-    for (std::size_t k = n; k > static_cast<std::size_t>(kTreeArity); k /= 2) ++halvings;
-    return n * (3 * halvings + halvings / 2 + 1);
-  }
-
   struct Range {
     std::size_t begin, end;
     std::size_t size() const { return end - begin; }
   };
+
+  static std::uint64_t expected_visits(std::size_t n) {
+    std::uint64_t levels = 1;
+    for (std::size_t left = n; left > 1; left /= 2) ++levels;
+    return kVisitsPerLevel * n * levels;
+  }
 
   Index add_node(const Range& all, int depth) {
     const auto id = static_cast<Index>(nodes_.size());
@@ -255,8 +257,10 @@ class TreeBuilder {
         continue;
       }
       TreeBox box;
-      for (std::size_t i = parts[k].begin; i < parts[k].end; ++i) box.add(items_[i].box);
-      ticker_.tick(parts[k].size());
+      for (std::size_t i = parts[k].begin; i < parts[k].end; ++i) {
+        ticker_.tick();
+        box.add(items_[i].box);
+      }
       const Index child = parts[k].size() == 1 ? ~static_cast<Index>(parts[k].begin) : add_node(parts[k], depth + 1);
       set_child(id, k, box, child);
     }
@@ -275,8 +279,10 @@ class TreeBuilder {
   /// Parts the items of a range in two, neither empty; returns where the second part begins.
   std::size_t split(const Range& range, int depth) {
     TreeBox centroids;
-    for (std::size_t i = range.begin; i < range.end; ++i) centroids.add(items_[i].centroid);
-    ticker_.tick(range.size());
+    for (std::size_t i = range.begin; i < range.end; ++i) {
+      ticker_.tick();
+      centroids.add(items_[i].centroid);
+    }
     int axis = 0;
     const double extent = (centroids.max - centroids.min).maxCoeff(&axis);
     // Splitting by area may peel off a few facets at a time; past this depth halves keep the tree, and the stacks, shallow. Of
@@ -290,11 +296,11 @@ class TreeBuilder {
     std::array<TreeBox, kBins> boxes{};
     std::array<std::size_t, kBins> sizes{};
     for (std::size_t i = range.begin; i < range.end; ++i) {
+      ticker_.tick();
       const std::size_t bin = bin_of(items_[i]);
       boxes[bin].add(items_[i].box);
       ++sizes[bin];
     }
-    ticker_.tick(range.size());
     std::array<double, kBins> cost_after{};  // of the bins from k on
     TreeBox box;
     std::size_t size = 0;
@@ -319,27 +325,28 @@ class TreeBuilder {
     }
     if (best == 0) return split_in_half(range, axis);
     const auto first = items_.begin();
-    const auto middle =
-        std::partition(first + static_cast<std::ptrdiff_t>(range.begin), first + static_cast<std::ptrdiff_t>(range.end),
-                       [&](const BuildItem& item) { return bin_of(item) < best; });
-    ticker_.tick(range.size());
+    const auto middle = std::partition(first + static_cast<std::ptrdiff_t>(range.begin),
+                                       first + static_cast<std::ptrdiff_t>(range.end), [&](const BuildItem& item) {
+                                         ticker_.tick();
+                                         return bin_of(item) < best;
+                                       });
     return static_cast<std::size_t>(middle - first);
   }
 
   std::size_t split_in_half(const Range& range, int axis) {
     const std::size_t middle = range.begin + range.size() / 2;
     const auto at = [this](std::size_t i) { return items_.begin() + static_cast<std::ptrdiff_t>(i); };
-    std::nth_element(at(range.begin), at(middle), at(range.end), [axis](const BuildItem& a, const BuildItem& b) {
+    std::nth_element(at(range.begin), at(middle), at(range.end), [this, axis](const BuildItem& a, const BuildItem& b) {
+      ticker_.tick();
       return a.centroid[axis] != b.centroid[axis] ? a.centroid[axis] < b.centroid[axis] : a.facet < b.facet;
     });
-    ticker_.tick(range.size());
     return middle;
   }
 
   static constexpr std::size_t kBins = 16;
   static constexpr int kMaxUnbalancedDepth = 40;
   static constexpr double kTinyExtent = 1e-300;
-  static constexpr std::uint64_t kVisitsPerLook = 1 << 16;  // a millisecond
+  static constexpr std::uint64_t kVisitsPerLevel = 3;
   std::vector<BuildItem>& items_;
   std::vector<TreeNode>& nodes_;
   detail::Ticker ticker_;
@@ -350,18 +357,18 @@ class TreeBuilder {
 constexpr std::size_t kStackSize = 3 * (41 + 32) + 1;
 
 /// Unlike require_usable(): without area is fine, and of vertices only those of facets matter.
-void require_tree_mesh(const MeshView& mesh) {
+void require_tree_mesh(const MeshView& mesh, const Execution& execution) {
   if (mesh.triangles.rows() == 0) {
     throw Error(ErrorCode::kInvalidMesh, "surface tree: the mesh has no facet; give a surface, or use KdTree for points");
   }
-  bounding_box(mesh);  // throws for counts and indices out of range
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
+  bounding_box(mesh, execution.part(0, 0.6));  // throws for counts and indices out of range
+  detail::for_each_index(mesh.num_facets(), execution.part(0.6, 1), [&](Index f) {
     for (int k = 0; k < 3; ++k) {
       if (mesh.corner(f, k).allFinite()) continue;
       throw Error(ErrorCode::kInvalidMesh, "surface tree: vertex " + std::to_string(mesh.triangles(f, k)) +
                                                " (0-based) has a coordinate that is NaN or infinite; remove or correct it");
     }
-  }
+  });
 }
 
 }  // namespace
@@ -375,36 +382,31 @@ struct SurfaceTree::Impl {
   std::vector<TreeFacet> facets;  ///< in the order of the leaves
   std::vector<Index> place;       ///< of each facet, in `facets`
 
-  static constexpr std::uint64_t kFacetsPerLook = 1 << 13;  ///< less than a millisecond
-
   struct Best {
     FacetPoint point{std::numeric_limits<double>::infinity(), 0, 0};
     Index place = kNone;
     Index facet = std::numeric_limits<Index>::max();
   };
 
-  Impl(const MeshView& view, const Execution& run) : mesh(view.copy()), unit(tree_unit(bounding_box(view))) {
+  Impl(const MeshView& view, const Execution& execution)
+      : mesh(view.copy()), unit(tree_unit(bounding_box(view, execution.part(0, 0.1)))) {
     const auto count = static_cast<std::size_t>(view.num_facets());
-    run.report(0.03);
-    std::vector<BuildItem> items(count);
-    detail::Ticker listed(run.part(0.03, 0.1), count, kFacetsPerLook);
-    for (std::size_t i = 0; i < count; ++i) {
-      listed.tick();
+    std::vector<BuildItem> items;
+    detail::resize_watched(items, count, BuildItem{{}, Vec3::Zero(), kNone}, execution.part(0.1, 0.1));
+    detail::for_each_index(count, execution.part(0.1, 0.2), [&](std::size_t i) {
       const auto f = static_cast<Index>(i);
       for (int k = 0; k < 3; ++k) items[i].box.add(unit.in(view.corner(f, k)));
       items[i].centroid = items[i].box.min + items[i].box.max;
       items[i].facet = f;
-    }
-    const TreeBuilder build(items, nodes, run.part(0.1, 0.8));
-    detail::Ticker ticker(run.part(0.8, 1), count, kFacetsPerLook);
+    });
+    const TreeBuilder build(items, nodes, execution.part(0.2, 0.85));
     facets.reserve(count);
     place.resize(count);
-    for (std::size_t i = 0; i < count; ++i) {
+    detail::for_each_index(count, execution.part(0.85, 1), [&](std::size_t i) {
       const Index f = items[i].facet;
       facets.push_back(tree_facet(unit.in(view.corner(f, 0)), unit.in(view.corner(f, 1)), unit.in(view.corner(f, 2)), f));
       place[detail::slot(f)] = static_cast<Index>(i);
-      ticker.tick();
-    }
+    });
   }
 
   Vec3 query_point(const Vec3& query) const {
@@ -474,10 +476,10 @@ struct SurfaceTree::Impl {
 };
 
 SurfaceTree::SurfaceTree(const MeshView& mesh, const Execution& execution) {
-  require_tree_mesh(mesh);
-  const Execution run = execution.start("sorting triangles");
-  impl_ = std::make_unique<Impl>(mesh, run);
-  run.finish();
+  const Execution job = execution.start("building a search tree");
+  require_tree_mesh(mesh, job.part(0, 0.05));
+  impl_ = std::make_unique<Impl>(mesh, job.part(0.05, 1));
+  job.finish();
 }
 
 SurfaceTree::~SurfaceTree() = default;
@@ -518,11 +520,11 @@ SurfaceHit SurfaceTree::nearest_on_facet(const Vec3& query, Index facet) const {
 }
 
 std::vector<SurfaceHit> SurfaceTree::nearest_all(const PointsView& queries, const Execution& execution) const {
-  const Execution run = execution.start("finding nearest points");
-  detail::WorkCounter counter(run, static_cast<std::uint64_t>(queries.rows()));
+  const Execution job = execution.start("finding nearest points");
   std::vector<SurfaceHit> hits(static_cast<std::size_t>(queries.rows()));
   constexpr std::size_t kGrain = 1024;
-  parallel_for(hits.size(), kGrain, run, [&](std::size_t begin, std::size_t end) {
+  detail::WorkCounter counter(job, hits.size());
+  parallel_for(hits.size(), kGrain, job, [&](std::size_t begin, std::size_t end) {
     Index hint = kNone;
     for (std::size_t i = begin; i < end; ++i) {
       hits[i] = nearest(queries[static_cast<std::ptrdiff_t>(i)], hint);
@@ -530,7 +532,7 @@ std::vector<SurfaceHit> SurfaceTree::nearest_all(const PointsView& queries, cons
     }
     counter.add(end - begin);
   });
-  run.finish();
+  job.finish();
   return hits;
 }
 

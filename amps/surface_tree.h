@@ -36,8 +36,7 @@ struct SurfaceHit {
 class SurfaceTree {
  public:
   /// Copies what it needs, so the caller's buffers may go. Throws Error(kInvalidMesh) if the mesh has no facet, a corner
-  /// that is NaN or infinite, or an index out of range; kCancelled if stopped
-  /// through `execution`, whose threads are not used. O(#F log #F).
+  /// that is NaN or infinite, or an index out of range; kCancelled. O(#F log #F).
   explicit SurfaceTree(const MeshView& mesh, const Execution& execution = {});
   ~SurfaceTree();
   SurfaceTree(SurfaceTree&&) noexcept;
@@ -57,8 +56,8 @@ class SurfaceTree {
   /// The nearest point of one facet.
   SurfaceHit nearest_on_facet(const Vec3& query, Index facet) const;
 
-  /// nearest() of every row, on the threads of `execution`; fast where rows that follow each other are near each other. Throws
-  /// Error(kCancelled) if stopped.
+  /// nearest() of every row; fast where rows that follow each other are near each other. Cancelled, it throws
+  /// Error(kCancelled).
   std::vector<SurfaceHit> nearest_all(const PointsView& queries, const Execution& execution = {}) const;
 
  private:

@@ -48,6 +48,7 @@ std::vector<Call> calls() {
   static const Mesh mesh = amps::make_torus(1, 0.4, 160, 64);
   static const Mesh coarse = amps::make_torus(1, 0.4, 24, 12);
   static const SizingField uneven = wild_field(mesh, 16, 20000, 3);
+  static const std::vector<double> numbers(static_cast<std::size_t>(mesh.vertices.rows()), 2.0);
   return {
       {"k-d tree",
        [](const Execution& e) {
@@ -86,6 +87,27 @@ std::vector<Call> calls() {
       {"quality", [](const Execution& e) { return std::vector<double>{amps::quality(mesh, e).mean_q}; }},
       {"merging",
        [](const Execution& e) { return std::vector<double>{double(amps::merge_equal_vertices(mesh, e).vertices.rows())}; }},
+      {"scaling", [](const Execution& e) { return field_numbers(uneven.scaled(3, e)); }},
+      {"clamping", [](const Execution& e) { return field_numbers(uneven.clamped(0.02, 0.05, e)); }},
+      {"ratio", [](const Execution& e) { return field_numbers(uneven.with_ratio(4, 0.3, e)); }},
+      {"minimum", [](const Execution& e) { return field_numbers(amps::min(uneven, uneven.scaled(0.5), e)); }},
+      {"fitting", [](const Execution& e) { return std::vector<double>{double(uneven.fits(mesh, e))}; }},
+      {"density", [](const Execution& e) { return std::vector<double>{uneven.density_integral(e)}; }},
+      {"uniform field", [](const Execution& e) { return field_numbers(amps::uniform_sizing(mesh, 0.1, e)); }},
+      {"field by vertices", [](const Execution& e) { return field_numbers(amps::vertex_sizing(mesh, numbers, e)); }},
+      {"field by densities", [](const Execution& e) { return field_numbers(amps::vertex_density_sizing(mesh, numbers, e)); }},
+      {"field by curvature",
+       [](const Execution& e) {
+         amps::CurvatureOptions options;
+         options.max_error = 0.01;
+         return field_numbers(amps::curvature_sizing(mesh, options, e));
+       }},
+      {"distance, one way",
+       [](const Execution& e) {
+         amps::DistanceOptions options;
+         options.execution = e;
+         return std::vector<double>{amps::one_sided_distance(coarse, mesh, options).mean};
+       }},
       {"gradation", [](const Execution& e) { return field_numbers(uneven.limited(0.1, e)); }},
       {"count", [](const Execution& e) { return field_numbers(amps::for_count(uneven, 5000, 0.1, e)); }},
   };
@@ -199,6 +221,37 @@ TEST_CASE("execution of tools: the same bits on any number of threads and on a h
     const std::vector<double> expected = call.run(Execution());
     CHECK(call.run(Execution(3)) == expected);
     CHECK(call.run(Execution(1, Progress(), &reversed)) == expected);
+  }
+}
+
+TEST_CASE("execution of tools: work within one facet is looked at, too") {
+  static const Mesh square = amps::make_square();
+  static const Mesh above = [] {
+    Mesh result = amps::make_square();
+    for (std::ptrdiff_t v = 0; v < result.vertices.rows(); ++v) result.vertices(v, 2) = 0.1;
+    return result;
+  }();
+  const std::vector<Call> large_facets = {
+      {"function",
+       [](const Execution& e) {
+         return field_numbers(amps::function_sizing(
+             square, [](const amps::SurfacePoint& at) { return 0.005 + 0.02 * at.position.squaredNorm(); }, {}, e));
+       }},
+      {"distance", [](const Execution& e) {
+         amps::DistanceOptions options;
+         options.spacing = 0.003;
+         options.execution = e;
+         return std::vector<double>{amps::surface_distance(square, above, options).mean()};
+       }}};
+  for (const Call& call : large_facets) {
+    CAPTURE(call.name);
+    int reports = 0;
+    call.run(Execution(1, watching([&](const char*, double) { return ++reports > 0; })));
+    CHECK(reports > 100);
+    int left = reports / 2;
+    CHECK(error_of([&] { call.run(Execution(1, watching([&](const char*, double) { return --left > 0; }))); }) ==
+          ErrorCode::kCancelled);
+    CHECK(left == 0);
   }
 }
 

@@ -252,6 +252,27 @@ TEST_CASE("sizing: the ratio clamp starts at a quantile by area; count_factor gi
   CHECK(amps::kSamplesPerDensity * field.scaled(factor).density_integral() == doctest::Approx(5000).epsilon(1e-10));
 }
 
+TEST_CASE("sizing: the quantile of radii is where areas in ascending order pass its part of the whole") {
+  // All facets have the area 2^-13, so that sums of areas are exact.
+  const Index n = 64;
+  const Mesh mesh = amps::make_square(n);
+  Rng rng(5);
+  std::vector<double> radii;
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) radii.push_back(1 + rng.uniform());
+  const SizingField field = amps::vertex_sizing(mesh, radii);
+  std::vector<double> means;
+  for (std::size_t i = 0; i < field.num_pieces(); ++i) {
+    const auto r = field.piece(i).radii;
+    means.push_back((r[0] + r[1] + r[2]) / 3);
+  }
+  std::sort(means.begin(), means.end());
+  for (const double quantile : {1e-9, 0.01, 0.0301, 0.25, 0.6, 0.951, 1 - 1e-9}) {
+    CAPTURE(quantile);
+    const auto place = static_cast<std::size_t>(quantile * static_cast<double>(means.size()));
+    CHECK(field.with_ratio(1, quantile).min_radius() == means[place]);
+  }
+}
+
 TEST_CASE("sizing: real meshes of all kinds have fields") {
   for (const char* name : {"bunny_36k_holes.obj", "fandisk_coarse.obj", "cow.off", "teapot.obj", "joined_tetrahedra.obj",
                            "netgen_part1_ascii.stl", "degtri_four-2.off", "cube-minimal-degenerated.obj"}) {
