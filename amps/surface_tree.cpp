@@ -371,6 +371,31 @@ void require_tree_mesh(const MeshView& mesh, const Execution& execution) {
   });
 }
 
+std::vector<BuildItem> build_items(const MeshView& mesh, const TreeUnit& unit, const Execution& execution) {
+  std::vector<BuildItem> items;
+  detail::resize_watched(items, static_cast<std::size_t>(mesh.num_facets()), BuildItem{{}, Vec3::Zero(), kNone},
+                         execution.part(0, 0));
+  detail::for_each_index(mesh.num_facets(), execution, [&](Index f) {
+    BuildItem& item = items[detail::slot(f)];
+    for (int k = 0; k < 3; ++k) item.box.add(unit.in(mesh.corner(f, k)));
+    item.centroid = item.box.min + item.box.max;
+    item.facet = f;
+  });
+  return items;
+}
+
+/// In the order of the items.
+std::vector<TreeFacet> tree_facets(const MeshView& mesh, const TreeUnit& unit, const std::vector<BuildItem>& items,
+                                   const Execution& execution) {
+  std::vector<TreeFacet> facets;
+  facets.reserve(items.size());
+  detail::for_each_index(items.size(), execution, [&](std::size_t i) {
+    const Index f = items[i].facet;
+    facets.push_back(tree_facet(unit.in(mesh.corner(f, 0)), unit.in(mesh.corner(f, 1)), unit.in(mesh.corner(f, 2)), f));
+  });
+  return facets;
+}
+
 }  // namespace
 
 // Searching
@@ -390,23 +415,12 @@ struct SurfaceTree::Impl {
 
   Impl(const MeshView& view, const Execution& execution)
       : mesh(view.copy()), unit(tree_unit(bounding_box(view, execution.part(0, 0.1)))) {
-    const auto count = static_cast<std::size_t>(view.num_facets());
-    std::vector<BuildItem> items;
-    detail::resize_watched(items, count, BuildItem{{}, Vec3::Zero(), kNone}, execution.part(0.1, 0.1));
-    detail::for_each_index(count, execution.part(0.1, 0.2), [&](std::size_t i) {
-      const auto f = static_cast<Index>(i);
-      for (int k = 0; k < 3; ++k) items[i].box.add(unit.in(view.corner(f, k)));
-      items[i].centroid = items[i].box.min + items[i].box.max;
-      items[i].facet = f;
-    });
+    std::vector<BuildItem> items = build_items(view, unit, execution.part(0.1, 0.2));
     const TreeBuilder build(items, nodes, execution.part(0.2, 0.85));
-    facets.reserve(count);
-    place.resize(count);
-    detail::for_each_index(count, execution.part(0.85, 1), [&](std::size_t i) {
-      const Index f = items[i].facet;
-      facets.push_back(tree_facet(unit.in(view.corner(f, 0)), unit.in(view.corner(f, 1)), unit.in(view.corner(f, 2)), f));
-      place[detail::slot(f)] = static_cast<Index>(i);
-    });
+    facets = tree_facets(view, unit, items, execution.part(0.85, 0.97));
+    place.resize(facets.size());
+    detail::for_each_index(facets.size(), execution.part(0.97, 1),
+                           [this](std::size_t i) { place[detail::slot(facets[i].facet)] = static_cast<Index>(i); });
   }
 
   Vec3 query_point(const Vec3& query) const {

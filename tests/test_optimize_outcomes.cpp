@@ -83,7 +83,7 @@ TEST_CASE("optimize: cancelled, it returns the state it had") {
       }
       check_result(set, result);
       CHECK(result.report.iterations.size() <= whole.report.iterations.size());
-      for (std::size_t k = 0; k < result.report.iterations.size(); ++k) {
+      for (std::size_t k = 0; k + 1 < result.report.iterations.size(); ++k) {  // the last may yet be written anew
         CHECK(same_line(result.report.iterations[k], whole.report.iterations[k]));
       }
       if (calls == calls_in_all / 2) CHECK(result.report.accepted > 0);
