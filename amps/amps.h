@@ -36,6 +36,7 @@
 //   spatial_sort.h   (internal) the order of bulk insertion: random rounds along a Hilbert curve
 //   samples.h        the sample set, the conflict rule; how a sample is made
 //   triangulation.h  RegularTriangulation: the 3D regular triangulation of weighted points
+//   triangulation_queries   (its .cpp only) cells, neighbours, location, the proof of all invariants
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples

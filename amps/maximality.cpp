@@ -112,6 +112,15 @@ RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples
   return diagram;
 }
 
+bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution) {
+  Ticker ticker(execution, slot(diagram.fragment_capacity()), kFragmentsPerLook);
+  for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+    ticker.tick();
+    if (diagram.alive(f) && !diagram.covered(diagram.polygon(f))) return true;
+  }
+  return false;
+}
+
 MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution) {
   const Execution run = execution.start("checking coverage and distances");
   MaximalityReport report;

@@ -49,6 +49,8 @@ namespace detail {
 
 /// Throws what verify_maximal documents.
 RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, const Execution& execution);
+/// Is any point of the surface outside of its owner's disk? Exact.
+bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution = {});
 MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule = ConflictRule::kMax,
                                     const Execution& execution = {});
 

@@ -651,15 +651,6 @@ double optimization_cost(const OptimizeOptions& options, double samples, bool un
   return samples * std::max(kMinCost, kUsualCost * std::exp(kGrowthPerDegree * (tightness_of(low, high) - kUsualTightness)));
 }
 
-bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution) {
-  Ticker ticker(execution, slot(diagram.fragment_capacity()), kEntriesPerLook);
-  for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
-    ticker.tick();
-    if (diagram.alive(f) && !diagram.covered(diagram.polygon(f))) return true;
-  }
-  return false;
-}
-
 OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samples, const OptimizeOptions& options,
                                 std::vector<Index>& ids) {
   require_optimize_options(options);

@@ -101,8 +101,6 @@ double expected_growth(const OptimizeOptions& options, bool uniform);
 /// Microseconds that optimisation takes for so many samples, roughly: for foreseeing time only.
 double optimization_cost(const OptimizeOptions& options, double samples, bool uniform);
 
-bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution = {});
-
 /// optimize() on a diagram of exactly these samples. Both are edited; a site that is removed leaves its id unused. `ids` (out):
 /// of the samples there are in the end. Cancelled before it has begun, it throws Error(kCancelled), and nothing has changed.
 OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samples, const OptimizeOptions& options,
