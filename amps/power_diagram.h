@@ -224,7 +224,7 @@ class RestrictedPowerDiagram {
   std::vector<double> reach_;
   static constexpr double kNoCell = -1;
   Vec3 low_ = Vec3::Zero(), high_ = Vec3::Zero();  ///< the box that the sentinels stand around
-  double min_weight_ = 0;                          ///< tcandidates
+  double min_weight_ = 0;                          ///< theirs
   Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
   std::vector<Index> changed_, changed_sites_;
