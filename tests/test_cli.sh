@@ -251,7 +251,8 @@ echo "-- interruption"
 interrupted() {
   before=$(ls -R .; cat stopped.*)
   code=0
-  timeout --preserve-status -k 20 -s INT 1 "$amps" "$@" >log/out 2>log/err || code=$?
+  # In the foreground: else the program's group gets the signal too, and a second one ends it at once.
+  timeout --foreground --preserve-status -k 20 -s INT 1 "$amps" "$@" >log/out 2>log/err || code=$?
   [ "$code" -eq 130 ] || fail "amps $* interrupted: returned $code"
   [ "$(cat log/err)" = "amps: interrupted, nothing is written" ] || fail "amps $* interrupted: $(cat log/err)"
   [ ! -s log/out ] || fail "amps $* interrupted: printed $(cat log/out)"

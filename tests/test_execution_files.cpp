@@ -2,6 +2,7 @@
 // steps, cancelled when told to, with the same results as unwatched; a cancelled write leaves the folder as it was.
 #include "kit/basics.h"
 #include "kit/errors.h"
+#include "kit/folder.h"
 
 #include "amps/execution.h"
 #include "amps/mesh_io.h"
@@ -24,23 +25,14 @@
 namespace amps_test {
 namespace {
 
-namespace fs = std::filesystem;
-
 using amps::Execution;
 using amps::MeshFormat;
 using amps::Progress;
 using amps::SampleFormat;
 using amps::SampleSet;
 
-/// A folder of this test's own, removed at the end of the scope.
-struct Folder {
-  fs::path path = fs::temp_directory_path() / "amps_execution_files";
-  Folder() {
-    fs::remove_all(path);
-    fs::create_directory(path);
-  }
-  ~Folder() { fs::remove_all(path); }
-
+/// A folder whose files are compared.
+struct WatchedFolder : Folder {
   /// The content of every file, hidden ones too, by name.
   std::map<std::string, std::string> content() const {
     std::map<std::string, std::string> result;
@@ -226,7 +218,7 @@ Execution watched(const Progress::Callback& callback) { return Execution(1, Prog
 
 TEST_CASE("execution of files: the fraction rises to 1 in small steps, and the result is that of an unwatched call") {
   constexpr double kMaxStep = 0.3;
-  const Folder folder;
+  const WatchedFolder folder;
   for (const FileCall& call : file_calls(folder)) {
     CAPTURE(call.name);
     double last = 0, max_step = 0;
@@ -248,7 +240,7 @@ TEST_CASE("execution of files: the fraction rises to 1 in small steps, and the r
 }
 
 TEST_CASE("execution of files: cancelled by its callback, a call throws kCancelled and says no more") {
-  const Folder folder;
+  const WatchedFolder folder;
   for (const FileCall& call : file_calls(folder)) {
     for (const double when : {0.0, 0.3, 0.6}) {
       CAPTURE(call.name);
@@ -267,7 +259,7 @@ TEST_CASE("execution of files: cancelled by its callback, a call throws kCancell
 }
 
 TEST_CASE("execution of files: a cancelled write leaves the folder as it was, whether the file was there or not") {
-  const Folder folder;
+  const WatchedFolder folder;
   { std::ofstream(folder.path / "old.csv") << "as it was"; }
   { std::ofstream(folder.path / "old.off") << "as it was"; }
   const auto before = folder.content();

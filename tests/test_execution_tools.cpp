@@ -2,6 +2,7 @@
 // told to, and the same bits on any threads and on a host's own.
 #include "kit/basics.h"
 #include "kit/errors.h"
+#include "kit/folder.h"
 #include "kit/meshes.h"
 #include "kit/samples.h"
 
@@ -256,10 +257,8 @@ TEST_CASE("execution of tools: work within one facet is looked at, too") {
 }
 
 TEST_CASE("execution of tools: a write that is cancelled leaves the old file, and nothing beside it") {
-  namespace fs = std::filesystem;
-  const fs::path folder = fs::temp_directory_path() / "amps_cancelled_write";
-  fs::remove_all(folder);
-  fs::create_directory(folder);
+  const Folder own;
+  const fs::path& folder = own.path;
   const Mesh mesh = amps::make_torus(1, 0.4, 160, 64);
   for (const char* name : {"mesh.obj", "mesh.ply", "mesh.stl"}) {
     const fs::path path = folder / name;
@@ -282,7 +281,6 @@ TEST_CASE("execution of tools: a write that is cancelled leaves the old file, an
     CHECK(bytes() != before);
   }
   CHECK(std::distance(fs::directory_iterator(folder), fs::directory_iterator()) == 3);
-  fs::remove_all(folder);
 }
 
 }  // namespace amps_test

@@ -1,8 +1,9 @@
-// mesh_files.h: a folder for files, meshes and samples that are hard to write, small files of every format, and what must be
+// mesh_files.h: meshes and samples that are hard to write, small files of every format, and what must be
 // refused.
 #pragma once
 
 #include "errors.h"
+#include "folder.h"
 #include "meshes.h"
 #include "samples.h"
 
@@ -23,30 +24,11 @@
 
 namespace amps_test {
 
-namespace fs = std::filesystem;
 using amps::MeshFormat;
 using amps::SampleFormat;
 
 inline const MeshFormat kFormats[] = {MeshFormat::kObj, MeshFormat::kOff, MeshFormat::kPly, MeshFormat::kStl};
 inline const char* const kExtensions[] = {".obj", ".off", ".ply", ".stl"};
-
-/// An empty directory of this test's own, removed at the end.
-struct Folder {
-  fs::path path;
-  Folder() {
-    for (int i = 0; path.empty(); ++i) {
-      const fs::path candidate = fs::temp_directory_path() / ("amps_test_mesh_io_" + std::to_string(i));
-      std::error_code error;
-      if (fs::create_directory(candidate, error)) path = candidate;
-      REQUIRE(i < 1000);
-    }
-  }
-  ~Folder() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-  std::size_t entries() const { return static_cast<std::size_t>(std::distance(fs::directory_iterator(path), {})); }
-};
 
 inline std::string content_of(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
