@@ -251,8 +251,8 @@ constexpr int kSegmentUnitOfDouble = 200;
 
 /// Sign of |x − p|² − w at the nearest point of a segment whose ends relative to p are a and b.
 /// Width: let coordinates be below 2^c, weights below 2^(2c). Differences are below 2^(c+1), their products' sums of three
-/// below 2^(2c+4), coordinates of the cross product below 2^(2c+3), its square below 2^(4c+8), the whole below 2^(4c+9): 53 bits
-/// for c = 11, and 4·N limbs have 4·c + 23 bits beside the sign for c = 64·N − 6.
+/// below 2^(2c+4), coordinates of the cross product below 2^(2c+3), its square below 2^(4c+8), the whole below 2^(4c+9): 53
+/// bits for c = 11, and 4·N limbs have 4·c + 23 bits beside the sign for c = 64·N − 6.
 template <class T, class W>
 int segment_side(const T (&a)[3], const T (&b)[3], const W& w) noexcept {
   const auto dot = [](const auto& s, const auto& t) { return s[0] * t[0] + s[1] * t[1] + s[2] * t[2]; };

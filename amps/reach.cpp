@@ -214,7 +214,7 @@ bool SurfaceFlood::holds(const PlacedPoint& from, double weight, const PlacedPoi
 
 namespace {
 
-double distance_to_segment(const Vec3& x, const Vec3& a, const Vec3& b) {
+double distance_of_crossing(const Vec3& x, const Vec3& a, const Vec3& b) {
   const Vec3 u = b - a;
   const double length = u.stableNorm();
   if (!(length > 0)) return (x - a).stableNorm();
@@ -251,7 +251,7 @@ double SurfaceFlood::radius_of_arrival(const PlacedPoint& from, const PlacedPoin
       const Index across = links.across[k];
       if (across == kNone) continue;
       const double distance =
-          distance_to_segment(from.position, position(links.vertex[k]), position(links.vertex[k == 2 ? 0 : k + 1]));
+          distance_of_crossing(from.position, position(links.vertex[k]), position(links.vertex[k == 2 ? 0 : k + 1]));
       const double there = std::max(radius, distance);
       if (!is_shared(across)) {
         offer(across, there);

@@ -33,12 +33,12 @@ struct PlacedPoint {
   std::vector<Index> homes;  ///< ascending, all of which count; empty: the point is no part of the surface
 };
 
-/// The floods of one surface. Const once it is made, and thread-safe where each thread has a Scratch of its own. 70 bytes a
+/// The floods of one surface. Const once it is made, and thread-safe where each thread has a Scratch of its own. 50 bytes a
 /// facet beside the SurfaceEdges. A value.
 class SurfaceFlood {
  public:
-  /// `cut`: flags by edge; empty: none is cut. Coordinates must be finite. Throws Error(kInvalidArgument) if there is not one flag
-  /// an edge, Error(kTooLarge) for more than 2^31 − 1 corners. O(#V + #F).
+  /// `cut`: flags by edge; empty: none is cut. Coordinates must be finite. Throws Error(kInvalidArgument) if there is not one
+  /// flag an edge, Error(kTooLarge) for more than 2^31 − 1 corners. O(#V + #F).
   SurfaceFlood(const MeshView& mesh, SurfaceEdges edges, std::vector<char> cut = {}, const Execution& run = {});
 
   const SurfaceEdges& edges() const { return edges_; }
@@ -107,8 +107,8 @@ class SurfaceFlood {
 
   SurfaceEdges edges_;
   std::vector<char> cut_;
-  std::vector<double> positions_;  ///< xyzxyz… of the mesh's vertices
-  std::vector<Links> links_;       ///< by facet; of one that does not count, of no use
+  std::vector<double> positions_;                    ///< xyzxyz… of the mesh's vertices
+  std::vector<Links> links_;                         ///< by facet; of one that does not count, of no use
   std::vector<Index> shared_begin_, shared_facets_;  ///< facets of each edge of three or more that is not cut
   std::vector<Index> vertex_begin_, vertex_facets_;  ///< facets of each vertex that count, ascending
 };
@@ -153,7 +153,11 @@ class ReachLists {
   /// visit(sample) for each sample that reaches the facet, the one added last first.
   template <class Visit>
   void for_each_sample(Index facet, const Visit& visit) const {
-    for (Index pair = heads_[slot(facet)].first; pair != kNone; pair = links_[slot(pair)].next) visit(links_[slot(pair)].sample);
+    for (Index pair = heads_[slot(facet)].first; pair != kNone;) {
+      const Link& link = links_[slot(pair)];
+      pair = link.next;
+      visit(link.sample);
+    }
   }
 
   Index num_facets() const { return static_cast<Index>(heads_.size()); }

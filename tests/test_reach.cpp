@@ -147,9 +147,8 @@ Mesh folded_strip(Index folds, double width, double thickness) {
 
 /// Facets with corners among few points of a lattice: any number of sheets at an edge, facets twice, without area or collapsed.
 Mesh random_lattice_facets(Index num_vertices, Index num_facets, Index range, Rng& rng) {
-  const Points vertices = made_points(num_vertices, [&](Index) {
-    return Vec3(4.0 * below(rng, range), 4.0 * below(rng, range), 4.0 * below(rng, range));
-  });
+  const Points vertices = made_points(
+      num_vertices, [&](Index) { return Vec3(4.0 * below(rng, range), 4.0 * below(rng, range), 4.0 * below(rng, range)); });
   const auto corner = [&] { return below(rng, num_vertices); };
   return {vertices, made_triangles(num_facets, [&](Index) { return Corners{corner(), corner(), corner()}; })};
 }
@@ -157,7 +156,11 @@ Mesh random_lattice_facets(Index num_vertices, Index num_facets, Index range, Rn
 std::vector<NamedMesh> lattice_meshes() {
   Rng rng(5);
   std::vector<NamedMesh> list = {
-      {"thin plate", on_lattice(transformed(amps::make_cube(5), [](const Vec3& x) -> Vec3 { return {40 * x[0], 40 * x[1], 4 * x[2]}; }), 4)},
+      {"thin plate", on_lattice(transformed(amps::make_cube(5),
+                                            [](const Vec3& x) -> Vec3 {
+                                              return {40 * x[0], 40 * x[1], 4 * x[2]};
+                                            }),
+                                4)},
       {"folded strip", folded_strip(8, 24, 4)},
       {"sphere", on_lattice(scaled(amps::make_sphere(400), 40), 4)},
       {"soup of a sphere", soup_of(on_lattice(scaled(amps::make_sphere(200), 24), 4))},
@@ -296,8 +299,10 @@ TEST_CASE("reach: a dense flood from point to point reaches the same facets, to 
   SurfaceFlood::Scratch scratch;
   Rng rng(3);
   int compared = 0, apart = 0;
-  for (const Mesh& mesh : {folded_strip(6, 1, 0.05), scaled(open_book(4), 0.5),
-                           transformed(amps::make_cube(2), [](const Vec3& x) -> Vec3 { return {x[0], x[1], 0.04 * x[2]}; })}) {
+  for (const Mesh& mesh :
+       {folded_strip(6, 1, 0.05), scaled(open_book(4), 0.5), transformed(amps::make_cube(2), [](const Vec3& x) -> Vec3 {
+          return {x[0], x[1], 0.04 * x[2]};
+        })}) {
     const MeshView view(mesh);
     const SurfaceFlood flood(mesh, SurfaceEdges(mesh));
     std::map<std::vector<std::pair<Index, Index>>, std::size_t> number_of_node;  // by vertices and multiples of 1/kCells
