@@ -115,13 +115,20 @@ std::vector<Index> SurfaceFlood::homes_of_vertex(Index vertex) const {
 }
 
 void SurfaceFlood::Scratch::start(std::size_t num_facets, std::size_t num_shared) {
-  if (facet_mark.size() < num_facets) facet_mark.resize(num_facets, 0);
-  if (shared_mark.size() < num_shared) shared_mark.resize(num_shared, 0);
-  if (++now != 0) return;
-  std::fill(facet_mark.begin(), facet_mark.end(), 0u);
-  std::fill(shared_mark.begin(), shared_mark.end(), 0u);
-  now = 1;
+  if (facet_mark_.size() < num_facets) facet_mark_.resize(num_facets, 0);
+  if (shared_mark_.size() < num_shared) shared_mark_.resize(num_shared, 0);
+  if (++now_ != 0) return;
+  std::fill(facet_mark_.begin(), facet_mark_.end(), 0u);
+  std::fill(shared_mark_.begin(), shared_mark_.end(), 0u);
+  now_ = 1;
 }
+
+namespace {
+
+/// Facets of one flood between looks: a millisecond or two.
+constexpr std::size_t kFloodedPerLook = std::size_t{1} << 15;
+
+}  // namespace
 
 /// The flood, breadth first; visit(facet) at each that is reached, until it returns false.
 template <class Visit>
@@ -136,10 +143,11 @@ void SurfaceFlood::spread(const Vec3& centre, double weight, const std::vector<I
   }
   const SegmentFilter filter(centre.data(), weight);
   for (std::size_t done = 0; done < facets.size(); ++done) {
+    if (done % kFloodedPerLook == kFloodedPerLook - 1) scratch.watched_.check();
     const Links& links = links_[slot(facets[done])];
     const auto leads_on = [&](Index across) {
-      if (across >= 0) return scratch.facet_mark[slot(across)] != scratch.now;
-      return is_shared(across) && scratch.shared_mark[slot(shared_number(across))] != scratch.now;
+      if (across >= 0) return !scratch.is_marked(across);
+      return is_shared(across) && !scratch.is_marked_shared(shared_number(across));
     };
     const bool open[3] = {leads_on(links.across[0]), leads_on(links.across[1]), leads_on(links.across[2])};
     if (!open[0] && !open[1] && !open[2]) continue;
@@ -149,7 +157,7 @@ void SurfaceFlood::spread(const Vec3& centre, double weight, const std::vector<I
       if (!open[k]) continue;
       const int m = k == 2 ? 0 : k + 1;
       const Index across = links.across[static_cast<std::size_t>(k)];
-      if (is_shared(across)) scratch.shared_mark[slot(shared_number(across))] = scratch.now;  // asked once, from any side
+      if (is_shared(across)) scratch.mark_shared(shared_number(across));  // asked once, whoever is first
       int side = filter.side(ends[k], ends[m]);
       if (side == 0) {
         Stage stage;
@@ -199,13 +207,21 @@ void sort_distinct(std::vector<Index>& list, std::vector<Index>& memory) {
 void SurfaceFlood::flood(const Vec3& centre, double weight, const std::vector<Index>& homes, Scratch& scratch,
                          std::vector<Index>& facets) const {
   spread(centre, weight, homes, scratch, facets, [](Index) { return true; });
-  sort_distinct(facets, scratch.reached);
+  constexpr std::size_t kShareWorthSorting = 16;  // a greater one is in the marks, in order already
+  if (facets.size() < links_.size() / kShareWorthSorting) {
+    sort_distinct(facets, scratch.reached_);
+    return;
+  }
+  facets.clear();
+  for (Index f = 0; f < edges_.num_facets(); ++f) {
+    if (scratch.is_marked(f)) facets.push_back(f);
+  }
 }
 
 bool SurfaceFlood::holds(const PlacedPoint& from, double weight, const PlacedPoint& to, Scratch& scratch) const {
   if (side_of_ball(to.position.data(), from.position.data(), weight) > 0) return false;
   bool found = false;
-  spread(from.position, weight, from.homes, scratch, scratch.reached, [&](Index f) {
+  spread(from.position, weight, from.homes, scratch, scratch.reached_, [&](Index f) {
     found = std::binary_search(to.homes.begin(), to.homes.end(), f);
     return !found;
   });
@@ -230,21 +246,22 @@ double distance_of_crossing(const Vec3& x, const Vec3& a, const Vec3& b) {
 /// facets whose farthest edge is nearest (Dijkstra). Infinite if there is no path.
 double SurfaceFlood::radius_of_arrival(const PlacedPoint& from, const PlacedPoint& to, Scratch& scratch) const {
   scratch.start(links_.size(), shared_begin_.size() - 1);
-  if (scratch.radius.size() < links_.size()) scratch.radius.resize(links_.size());
-  auto& heap = scratch.heap;
+  if (scratch.radius_.size() < links_.size()) scratch.radius_.resize(links_.size());
+  auto& heap = scratch.heap_;
   heap.clear();
   const auto offer = [&](Index f, double radius) {
-    if (!scratch.mark(f) && scratch.radius[slot(f)] <= radius) return;
-    scratch.radius[slot(f)] = radius;
+    if (!scratch.mark(f) && scratch.radius_[slot(f)] <= radius) return;
+    scratch.radius_[slot(f)] = radius;
     heap.emplace_back(radius, f);
     std::push_heap(heap.begin(), heap.end(), std::greater<>());
   };
   for (const Index f : from.homes) offer(f, 0);
-  while (!heap.empty()) {
+  for (std::size_t done = 1; !heap.empty(); ++done) {
+    if (done % kFloodedPerLook == 0) scratch.watched_.check();
     const auto [radius, f] = heap.front();
     std::pop_heap(heap.begin(), heap.end(), std::greater<>());
     heap.pop_back();
-    if (radius > scratch.radius[slot(f)]) continue;
+    if (radius > scratch.radius_[slot(f)]) continue;
     if (std::binary_search(to.homes.begin(), to.homes.end(), f)) return radius;
     const Links& links = links_[slot(f)];
     for (std::size_t k = 0; k < 3; ++k) {

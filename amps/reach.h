@@ -50,9 +50,10 @@ class SurfaceFlood {
 
   // Facets that a point lies in, whatever is cut; ascending, without facets that do not count.
 
-  /// By the barycentric coordinates that are not exactly 0: of three corners the facet, of two all facets at their edge, of one
-  /// all facets at that vertex. Corners of equal position are one. In place of a facet that is there already, the one that
-  /// counts. Empty where a facet has collapsed to a segment that is no edge, or to a point at no facet. O(facets at a corner).
+  /// Of a point of any facet, by the barycentric coordinates that are not exactly 0: of three corners the facet, of two all
+  /// facets at their edge, of one all facets at that vertex. Corners of equal position are one. In place of a facet that is
+  /// there already, the one that counts. Empty where a facet has collapsed to a segment that is no edge, or to a point at no
+  /// facet. O(facets at a corner).
   std::vector<Index> homes(const SurfacePoint& at) const;
   std::vector<Index> homes_of_edge(std::size_t edge) const;
   /// Of a surface vertex.
@@ -60,22 +61,33 @@ class SurfaceFlood {
 
   /// Memory of floods, of one thread: 4 bytes a facet, and 8 more once bottleneck() was called. May serve several surfaces.
   class Scratch {
+   public:
+    /// Floods look whether `watched` is cancelled every millisecond or so, and then throw Error(kCancelled).
+    explicit Scratch(Execution watched = {}) : watched_(std::move(watched)) {}
+
+   private:
     friend class SurfaceFlood;
     void start(std::size_t num_facets, std::size_t num_shared);
+    bool is_marked(Index facet) const { return facet_mark_[slot(facet)] == now_; }
+    /// False if it was.
     bool mark(Index facet) {
-      if (facet_mark[slot(facet)] == now) return false;
-      facet_mark[slot(facet)] = now;
+      if (is_marked(facet)) return false;
+      facet_mark_[slot(facet)] = now_;
       return true;
     }
-    std::uint32_t now = 0;
-    std::vector<std::uint32_t> facet_mark, shared_mark;  ///< equal to `now`: seen by this flood
-    std::vector<Index> reached;
-    std::vector<double> radius;
-    std::vector<std::pair<double, Index>> heap;
+    bool is_marked_shared(Index number) const { return shared_mark_[slot(number)] == now_; }
+    void mark_shared(Index number) { shared_mark_[slot(number)] = now_; }
+
+    Execution watched_;
+    std::uint32_t now_ = 0;
+    std::vector<std::uint32_t> facet_mark_, shared_mark_;  ///< equal to now_: seen by this flood
+    std::vector<Index> reached_;
+    std::vector<double> radius_;
+    std::vector<std::pair<double, Index>> heap_;
   };
 
   /// The facets that the disk around `centre` of squared radius `weight` reaches, ascending, in place of what `facets` had.
-  /// `homes`: facets that count, where it starts. O(k log k) for k facets, some 20 ns each.
+  /// `homes`: facets that count, where it starts. O(k log k) for k facets, some 20 to 40 ns each.
   void flood(const Vec3& centre, double weight, const std::vector<Index>& homes, Scratch& scratch,
              std::vector<Index>& facets) const;
 

@@ -589,12 +589,23 @@ TEST_CASE("reach: lists of samples and facets are those of a set of pairs, after
   CHECK(reused > 1000);
 }
 
-TEST_CASE("reach: a stopped job ends the making of floods") {
-  const Mesh mesh = amps::make_sphere(20000);
-  amps::Progress progress;
+TEST_CASE("reach: a stopped job ends the making of floods, and large floods") {
+  const Mesh mesh = amps::make_sphere(100000);
+  const SurfaceFlood flood(mesh, SurfaceEdges(mesh));
+  const PlacedPoint p = placed(flood, amps::detail::surface_point_at(mesh, 7, {0.5, 0.25, 0.25})),
+                    q = placed(flood, amps::detail::surface_point_at(mesh, 70000, {0.5, 0.25, 0.25}));
+  const amps::Progress progress;
+  SurfaceFlood::Scratch scratch(amps::Execution(1, progress));
+  CHECK(flooded(flood, p, 100, scratch) == all_indices(rows(mesh.triangles)));
+  const std::vector<Index> half = flooded(flood, p, 2, scratch), few = flooded(flood, p, 0.1, scratch);
+  CHECK(std::is_sorted(half.begin(), half.end()));
+  CHECK(is_subset(few, half));
+  CHECK((few.size() > 1000 && half.size() > 10 * few.size()));
   progress.cancel();
-  SurfaceEdges edges(mesh);
-  CHECK(error_of([&] { SurfaceFlood(mesh, std::move(edges), {}, amps::Execution(1, progress)); }) == ErrorCode::kCancelled);
+  CHECK(flooded(flood, p, 0.001, scratch).size() > 1);
+  CHECK(error_of([&] { flooded(flood, p, 100, scratch); }) == ErrorCode::kCancelled);
+  CHECK(error_of([&] { flood.bottleneck(p, q, 100, scratch); }) == ErrorCode::kCancelled);
+  CHECK(error_of([&] { SurfaceFlood(mesh, SurfaceEdges(mesh), {}, amps::Execution(1, progress)); }) == ErrorCode::kCancelled);
 }
 
 }  // namespace amps_test
