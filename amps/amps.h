@@ -35,6 +35,7 @@
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
 //   spatial_sort.h   (internal) the order of bulk insertion: random rounds along a Hilbert curve
 //   samples.h        the sample set, the conflict rule; how a sample is made
+//   reach.h          (internal) what a disk reaches: facets joined to its centre within its ball; by sample and by facet
 //   triangulation.h  RegularTriangulation: the 3D regular triangulation of weighted points
 //   triangulation_queries   (its .cpp only) cells, neighbours, location, the proof of all invariants
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points

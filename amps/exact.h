@@ -110,6 +110,11 @@ struct Int {
   }
 };
 
+template <int N>
+int sign_of(const Int<N>& x) noexcept {
+  return x.sign();
+}
+
 /// The same value in W ≥ N limbs.
 template <int W, int N>
 Int<W> widen(const Int<N>& a) noexcept {

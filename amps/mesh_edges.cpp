@@ -181,4 +181,63 @@ std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& r
   return first;
 }
 
+namespace {
+
+/// Lists facets whose three vertices an earlier facet has, ascending.
+std::vector<Index> find_repeated_facets(const Triangles& triangles, const MeshEdges& edges, const Execution& run) {
+  struct Opposite {
+    Index vertex, facet;
+    bool operator<(const Opposite& b) const { return vertex != b.vertex ? vertex < b.vertex : facet < b.facet; }
+  };
+  std::vector<Index> result;
+  std::vector<Opposite> opposite;
+  Ticker ticker(run, edges.size(), kEdgesPerLook);
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    ticker.tick();
+    const MeshEdge edge = edges[e];
+    if (edge.size() < 2) continue;
+    opposite.clear();
+    for (const EdgeSide& side : edge) opposite.push_back({triangles(side.facet, (side.k + 2) % 3), side.facet});
+    std::sort(opposite.begin(), opposite.end());
+    for (std::size_t k = 1; k < opposite.size(); ++k) {
+      if (opposite[k].vertex == opposite[k - 1].vertex) result.push_back(opposite[k].facet);
+    }
+  }
+  std::sort(result.begin(), result.end());  // each is seen at three edges
+  result.erase(std::unique(result.begin(), result.end()), result.end());
+  return result;
+}
+
+}  // namespace
+
+SurfaceEdges::Parts SurfaceEdges::make_parts(const MeshView& mesh, const Execution& run) {
+  const std::vector<Index> first = first_equal_vertices(mesh, run.part(0, 0.3));
+  Triangles triangles(mesh.num_facets());
+  std::vector<char> counted(slot(mesh.num_facets()), 1);
+  Ticker ticker(run.part(0.3, 0.4), counted.size(), kEdgesPerLook);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    ticker.tick();
+    for (int k = 0; k < 3; ++k) triangles(f, k) = first[slot(mesh.triangles(f, k))];
+    const auto row = triangles.row(f);
+    if (row[0] == row[1] || row[1] == row[2] || row[2] == row[0]) counted[slot(f)] = 0;
+  }
+  MeshEdges edges(triangles, mesh.num_vertices(), counted, run.part(0.4, 0.6));
+  std::vector<Index> repeated = find_repeated_facets(triangles, edges, run.part(0.6, 0.7));
+  if (!repeated.empty()) {
+    for (const Index f : repeated) counted[slot(f)] = 0;
+    edges = MeshEdges(triangles, mesh.num_vertices(), counted, run.part(0.7, 0.8));
+  }
+  return {std::move(triangles), mesh.num_vertices(), std::move(counted), std::move(repeated), std::move(edges)};
+}
+
+SurfaceEdges::SurfaceEdges(const MeshView& mesh, const Execution& run) : SurfaceEdges(make_parts(mesh, run), run.part(0.8, 1)) {}
+
+SurfaceEdges::SurfaceEdges(Parts&& parts, const Execution& run)
+    : triangles_(std::move(parts.triangles)),
+      num_vertices_(parts.num_vertices),
+      counted_(std::move(parts.counted)),
+      repeated_(std::move(parts.repeated)),
+      edges_(std::move(parts.edges)),
+      edge_of_side_(edges_.edge_of_sides(run)) {}
+
 }  // namespace amps::detail

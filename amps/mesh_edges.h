@@ -12,6 +12,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace amps::detail {
@@ -133,5 +134,47 @@ class DistinctPoints {
 
 /// For each vertex the first one with equal coordinates; a vertex with a NaN stays alone. O(#V) expected.
 std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& run = {});
+
+/// The edges of a surface: of a mesh whose vertices of equal position are one. What is no part of the surface does not count:
+/// facets of which two corners are one vertex, and of facets with the same three vertices all but the first. O(#V + #F)
+/// expected. A value.
+class SurfaceEdges {
+ public:
+  explicit SurfaceEdges(const MeshView& mesh, const Execution& run = {});
+
+  /// #F by 3: facets by their surface vertices, each the first mesh vertex with its position.
+  const Triangles& triangles() const { return triangles_; }
+  Index num_vertices() const { return num_vertices_; }  ///< as the mesh has; not all are surface vertices
+  Index num_facets() const { return static_cast<Index>(triangles_.rows()); }
+  bool counts(Index facet) const { return counted_[slot(facet)] != 0; }
+  /// Flags by facet, as counts().
+  const std::vector<char>& counted() const { return counted_; }
+  /// Facets that are left out as they are there already, ascending.
+  const std::vector<Index>& repeated_facets() const { return repeated_; }
+
+  const MeshEdges& edges() const { return edges_; }
+  std::size_t size() const { return edges_.size(); }
+  MeshEdge operator[](std::size_t e) const { return edges_[e]; }
+  /// The edge of side k of a facet that counts.
+  std::size_t edge(Index facet, int k) const { return edge_of_side_[3 * slot(facet) + static_cast<std::size_t>(k)]; }
+
+ private:
+  struct Parts {
+    Triangles triangles;
+    Index num_vertices;
+    std::vector<char> counted;
+    std::vector<Index> repeated;
+    MeshEdges edges;
+  };
+  static Parts make_parts(const MeshView& mesh, const Execution& run);
+  SurfaceEdges(Parts&& parts, const Execution& run);
+
+  Triangles triangles_;
+  Index num_vertices_;
+  std::vector<char> counted_;
+  std::vector<Index> repeated_;
+  MeshEdges edges_;
+  std::vector<std::size_t> edge_of_side_;
+};
 
 }  // namespace amps::detail

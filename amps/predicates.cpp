@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/predicates.h"
 
+#include <cmath>
 #include <cstdlib>
 #include <utility>
 
@@ -236,6 +237,67 @@ int side_of_ball(const double* x, const double* p, double w, OptionalTally tally
     };
     return (square(0) + square(1) + square(2) - detail::to_int<2 * N>(w, 2 * unit)).sign();
   });
+  detail::count_stage(tally, stage);
+  return sign;
+}
+
+namespace detail {
+namespace {
+
+/// Bits of coordinates with which doubles hold everything that segment_side() computes.
+constexpr int kSegmentBitsOfDouble = 11;
+/// Powers of two of the unit with which its products neither overflow nor underflow.
+constexpr int kSegmentUnitOfDouble = 200;
+
+/// Sign of |x − p|² − w at the nearest point of a segment whose ends relative to p are a and b.
+/// Width: let coordinates be below 2^c, weights below 2^(2c). Differences are below 2^(c+1), their products' sums of three
+/// below 2^(2c+4), coordinates of the cross product below 2^(2c+3), its square below 2^(4c+8), the whole below 2^(4c+9): 53
+/// bits for c = 11, and 4·N limbs have 4·c + 23 bits beside the sign for c = 64·N − 6.
+template <class T, class W>
+int segment_side(const T (&a)[3], const T (&b)[3], const W& w) noexcept {
+  const auto dot = [](const auto& s, const auto& t) { return s[0] * t[0] + s[1] * t[1] + s[2] * t[2]; };
+  const T u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+  if (sign_of(dot(u, a)) >= 0) return sign_of(dot(a, a) - w);
+  if (sign_of(dot(u, b)) <= 0) return sign_of(dot(b, b) - w);
+  const auto minor = [&](int i, int k) { return a[i] * b[k] - a[k] * b[i]; };
+  const decltype(minor(0, 1)) cross[3] = {minor(1, 2), minor(2, 0), minor(0, 1)};
+  return sign_of(dot(cross, cross) - w * dot(u, u));
+}
+
+}  // namespace
+
+int segment_side_of_ball_exact(const double* a, const double* b, const double* p, double w, Stage& stage) noexcept {
+  ExactScale scale;
+  for (const double* x : {a, b, p}) include_position(scale, x);
+  scale.weight(w);
+  if (scale.bits() <= kSegmentBitsOfDouble && std::abs(scale.unit()) < kSegmentUnitOfDouble) {
+    stage = Stage::kExactDouble;
+    const double from_a[3] = {a[0] - p[0], a[1] - p[1], a[2] - p[2]}, from_b[3] = {b[0] - p[0], b[1] - p[1], b[2] - p[2]};
+    return segment_side(from_a, from_b, w);
+  }
+  return with_exact_width(scale, stage, [&](auto width) {
+    constexpr int N = decltype(width)::value;
+    const int unit = scale.unit();
+    Int<N> from_a[3], from_b[3];
+    for (int k = 0; k < 3; ++k) {
+      const auto centre = to_int<N>(p[k], unit);
+      from_a[k] = to_int<N>(a[k], unit) - centre;
+      from_b[k] = to_int<N>(b[k], unit) - centre;
+    }
+    return segment_side(from_a, from_b, to_int<2 * N>(w, 2 * unit));
+  });
+}
+
+}  // namespace detail
+
+int segment_side_of_ball(const double* a, const double* b, const double* p, double w, OptionalTally tally) noexcept {
+  const detail::SegmentFilter filter(p, w);
+  if (const int sign = filter.side(filter.end(a), filter.end(b))) {
+    detail::count_stage(tally, Stage::kFilter);
+    return sign;
+  }
+  Stage stage;
+  const int sign = detail::segment_side_of_ball_exact(a, b, p, w, stage);
   detail::count_stage(tally, stage);
   return sign;
 }

@@ -292,6 +292,70 @@ using OptionalTally = StageTally*;
 /// Sign of |x − p|² − w: +1 outside the ball, 0 on it, −1 inside. Positions are arrays of three doubles.
 int side_of_ball(const double* x, const double* p, double w, OptionalTally tally = nullptr) noexcept;
 
+/// Sign of |x − p|² − w at the point x of the closed segment ab that is nearest to p: +1 if segment and closed ball are apart,
+/// 0 if they only touch, −1 if they have more in common. a = b is a segment too. Laws: a and b can be swapped; where it is −1
+/// or 0 for some w, it is −1 for any greater one; it is never greater than side_of_ball() of a point of ab.
+int segment_side_of_ball(const double* a, const double* b, const double* p, double w, OptionalTally tally = nullptr) noexcept;
+
+namespace detail {
+
+/// The filter of segment_side_of_ball(), for one ball and many segments that share ends.
+///
+/// With a, b and u = b − a relative to the centre, and na = |a|², nb = |b|²: u·a = (nb − na − |u|²)/2 and u·b = (nb − na +
+/// |u|²)/2, so the nearest point is an end iff |nb − na| ≥ |u|². Else it is at squared distance |a × b|²/|u|². Errors, in units
+/// of 2^-53 (first order; the constants leave slack for the rest and for roundings of the bounds):
+///   na, nb     5 of themselves: a difference (twice), a square, two sums.
+///   |u|²       u comes from rounded differences, which are off by a unit of themselves; |u_k| ≤ |a_k| + |b_k|, so with the
+///              roundings of u, squares and sums 7·Σ(|a_k| + |b_k|)² ≤ 14·(na + nb).
+///   |nb − na| − |u|²   5 + 14, and two more differences of no more than 3·(na + nb): 25·(na + nb).
+///   |a × b|² − w·|u|²  a monomial of |a × b|² passes through 12 roundings (four differences, two products, two differences of
+///              these, a square, three sums), and the sum of all is ≤ 2·na·nb: 24·na·nb. The rest is off by w·(14 + 2·2)·(na +
+///              nb), and as no end is certainly inside, w is no more than na and nb: 36·na·nb.
+class SegmentFilter {
+ public:
+  /// An end of segments, relative to the centre.
+  struct End {
+    double x, y, z;
+    double squared;
+  };
+
+  SegmentFilter(const double* p, double w) noexcept
+      : x_(p[0]), y_(p[1]), z_(p[2]), weight_(w > 0 ? w : 0) {  // a negative one makes all apart that is from the centre
+    outside_ = w + (8 * kUnitRoundoff * weight_ + 4 * Approx::kTiny);
+    inside_ = w - (8 * kUnitRoundoff * weight_ + 4 * Approx::kTiny);
+  }
+
+  End end(const double* p) const noexcept {
+    const double x = p[0] - x_, y = p[1] - y_, z = p[2] - z_;
+    return {x, y, z, x * x + y * y + z * z};
+  }
+
+  /// As segment_side_of_ball() where it is certain and not 0, else 0.
+  int side(const End& a, const End& b) const noexcept {
+    const double min = std::min(a.squared, b.squared), max = std::max(a.squared, b.squared);
+    if (min < inside_) return -1;
+    if (!(max < kFilterMax && min > kFilterMin)) return 0;
+    const double ux = b.x - a.x, uy = b.y - a.y, uz = b.z - a.z;
+    const double uu = ux * ux + uy * uy + uz * uz;
+    const double beyond = (max - min) - uu, slack = (32 * kUnitRoundoff) * (max + min);
+    if (beyond > slack) return min > outside_ ? 1 : 0;
+    const double cx = a.y * b.z - a.z * b.y, cy = a.z * b.x - a.x * b.z, cz = a.x * b.y - a.y * b.x;
+    const double value = (cx * cx + cy * cy + cz * cz) - weight_ * uu, bound = (80 * kUnitRoundoff) * (max * min);
+    if (value > bound) return 1;
+    return value < -bound && beyond < -slack ? -1 : 0;
+  }
+
+ private:
+  double x_, y_, z_;
+  double weight_;
+  double outside_, inside_;  ///< squared distances above the one are outside, below the other inside
+};
+
+/// The stages of segment_side_of_ball() after the filter, for those who have that themselves.
+int segment_side_of_ball_exact(const double* a, const double* b, const double* p, double w, Stage& stage) noexcept;
+
+}  // namespace detail
+
 /// True if the three points lie exactly on one line (or coincide).
 bool collinear(const double* a, const double* b, const double* c) noexcept;
 

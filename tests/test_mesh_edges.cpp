@@ -252,4 +252,51 @@ TEST_CASE("mesh_edges: a vertex is told the first of equal position") {
   }
 }
 
+TEST_CASE("surface edges: vertices by position, facets without repeated corners, each once") {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    CAPTURE(seed);
+    Mesh mesh = random_facets(12, 300, seed);
+    for (Index v = 6; v < 12; ++v) mesh.vertices.row(v) = mesh.vertices.row(v % 5);  // −0 and +0 are one as well
+    mesh.vertices(0, 0) = 0.0;
+    mesh.vertices(10, 0) = -0.0;
+    const amps::detail::SurfaceEdges surface(mesh);
+    const auto first = [&](Index v) {
+      for (Index u = 0; u < v; ++u) {
+        if (mesh.vertices(u, 0) == mesh.vertices(v, 0) && mesh.vertices(u, 1) == mesh.vertices(v, 1) &&
+            mesh.vertices(u, 2) == mesh.vertices(v, 2)) {
+          return u;
+        }
+      }
+      return v;
+    };
+    std::set<std::set<Index>> seen;
+    std::vector<char> counted;
+    std::vector<Index> repeated;
+    for (Index f = 0; f < rows(mesh.triangles); ++f) {
+      std::set<Index> corners;
+      for (int k = 0; k < 3; ++k) {
+        CHECK(surface.triangles()(f, k) == first(mesh.triangles(f, k)));
+        corners.insert(first(mesh.triangles(f, k)));
+      }
+      const bool proper = corners.size() == 3;
+      counted.push_back(proper && seen.insert(corners).second ? 1 : 0);
+      if (proper && counted.back() == 0) repeated.push_back(f);
+    }
+    CHECK(surface.counted() == counted);
+    CHECK(surface.repeated_facets() == repeated);
+    CHECK(!repeated.empty());
+    require_same_sides({mesh.vertices, surface.triangles()}, counted);
+    for (Index f = 0; f < surface.num_facets(); ++f) {
+      if (!surface.counts(f)) continue;
+      for (int k = 0; k < 3; ++k) {
+        const MeshEdge edge = surface[surface.edge(f, k)];
+        const Index a = surface.triangles()(f, k), b = surface.triangles()(f, (k + 1) % 3);
+        CHECK(edge.low == std::min(a, b));
+        CHECK(edge.high == std::max(a, b));
+        CHECK(std::count_if(edge.begin(), edge.end(), [f](const EdgeSide& side) { return side.facet == f; }) == 1);
+      }
+    }
+  }
+}
+
 }  // namespace amps_test
