@@ -146,14 +146,18 @@ struct RemeshParts {
   }
 };
 
+/// Of the surface: equal positions are one point of it, and facets that are there twice are one.
+TopologyReport surface_topology(const MeshView& mesh, const Execution& execution) {
+  Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.5));
+  // Facets keep their order; topology() leaves out those of repeated indices.
+  for (const Index f : find_repeated_facets(mesh, execution.part(0.5, 0.6))) merged.triangles.row(f) << 0, 0, 0;
+  return topology(merged, execution.part(0.6, 1));
+}
+
 /// Measures the result, except what was measured on the way.
 void measure(const MeshView& mesh, const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution,
              RemeshResult& result) {
-  // Equal positions are one point to the surface; merging them changes neither area nor facets.
-  {
-    const Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.03));
-    result.report.input = topology(merged, execution.part(0.03, 0.05));
-  }
+  result.report.input = surface_topology(mesh, execution.part(0, 0.05));
   result.report.output = topology(result.mesh, execution.part(0.05, 0.3));
   result.report.quality = quality(result.mesh, execution.part(0.3, 0.5));
   result.report.maximality = measure_maximality(diagram, rule, execution.part(0.5, 1));

@@ -31,7 +31,7 @@ struct RemeshOptions {
 struct RemeshReport {
   SamplingReport sampling;      ///< of the set before optimisation
   OptimizeReport optimization;  ///< no iterations if there was none
-  TopologyReport input;         ///< topology of the input mesh, vertices of equal position taken as one
+  TopologyReport input;         ///< topology of the input: equal positions one vertex, repeated facets one facet
   TopologyReport output;        ///< topology of the result
   QualityReport quality;        ///< of the result
   MaximalityReport maximality;  ///< certificate of the samples, from the diagram the triangles are dual to
