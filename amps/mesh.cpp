@@ -178,8 +178,10 @@ void require_usable(const MeshView& mesh, const Execution& execution) {
     fail("vertex " + std::to_string(v) + " (0-based) has a coordinate that is NaN or infinite; remove or correct it");
   }
   require_indices(mesh);
+  const Execution run = execution.start("checking the mesh");
   CompensatedSum sum;  // repeated facets make no difference here, and take time to find
-  for_each_watched(mesh.num_facets(), execution.start("checking the mesh"), [&](Index f) { sum.add(facet_area(mesh, f)); });
+  for_each_watched(mesh.num_facets(), run, [&](Index f) { sum.add(facet_area(mesh, f)); });
+  run.finish();
   const double area = sum.value();
   if (!std::isfinite(area)) fail("its area is too large for a double; scale it down");
   if (!(area > 0)) {
