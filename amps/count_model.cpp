@@ -44,7 +44,9 @@ double gradient_integral(const MeshView& mesh, const SizingField& field, const E
 /// ∫ds/r along the boundary of the surface (r = 1 without a field), by Simpson's rule on each edge.
 double boundary_integral(const MeshView& mesh, const SizingField& field, const Execution& execution) {
   const Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.3));  // soups have no boundary but the surface's
-  const MeshEdges edges(merged.triangles, static_cast<Index>(merged.vertices.rows()), {}, execution.part(0.3, 0.9));
+  std::vector<char> counted(slot(mesh.num_facets()), 1);  // a sheet that is there twice has the boundary of one
+  for (const Index f : find_repeated_facets(mesh, execution.part(0.3, 0.4))) counted[slot(f)] = 0;
+  const MeshEdges edges(merged.triangles, static_cast<Index>(merged.vertices.rows()), counted, execution.part(0.4, 0.9));
   Ticker ticker(execution.part(0.9, 1), edges.size(), kElementsPerLook);
   double sum = 0;
   for (std::size_t e = 0; e < edges.size(); ++e) {

@@ -34,7 +34,12 @@ const std::vector<StarReader::Pair>& StarReader::read(Index s) {
     }
   }
   std::sort(pairs_.begin(), pairs_.end());
-  pairs_.erase(std::unique(pairs_.begin(), pairs_.end()), pairs_.end());
+  std::size_t kept = 0;
+  for (std::size_t k = 0, next = 0; k < pairs_.size(); k = next) {
+    while (next < pairs_.size() && pairs_[next] == pairs_[k]) ++next;
+    if ((next - k) % 2 == 1) pairs_[kept++] = pairs_[k];
+  }
+  pairs_.resize(kept);
   return pairs_;
 }
 

@@ -82,7 +82,8 @@ class StarReader {
   /// The other two corners of a triangle, the lower first.
   using Pair = std::array<Index, 2>;
 
-  /// The triangles around s, ascending, each once. Valid until the next star is read.
+  /// The triangles around s, ascending: those met an odd number of times, as the dual has them (remesh.h). Valid until the next
+  /// star is read.
   const std::vector<Pair>& read(Index s);
 
   /// Kinds of stars. A disk: one cycle of pairs. A half disk: one path. Pinched: several cycles. A crossing: no border, but

@@ -178,7 +178,11 @@ void require_usable(const MeshView& mesh, const Execution& execution) {
     fail("vertex " + std::to_string(v) + " (0-based) has a coordinate that is NaN or infinite; remove or correct it");
   }
   require_indices(mesh);
-  const double area = total_area(mesh, execution.start("checking the mesh"));
+  const Execution run = execution.start("checking the mesh");
+  CompensatedSum sum;  // repeated facets make no difference here, and take time to find
+  for_each_watched(mesh.num_facets(), run, [&](Index f) { sum.add(facet_area(mesh, f)); });
+  run.finish();
+  const double area = sum.value();
   if (!std::isfinite(area)) fail("its area is too large for a double; scale it down");
   if (!(area > 0)) {
     fail(
@@ -191,17 +195,16 @@ std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution
   require_indices(mesh);
   const Execution run = execution.start("measuring areas");
   std::vector<double> areas(static_cast<std::size_t>(mesh.num_facets()));
-  for_each_watched(mesh.num_facets(), run, [&](Index f) { areas[static_cast<std::size_t>(f)] = facet_area(mesh, f); });
+  for_each_watched(mesh.num_facets(), run.part(0, 0.6),
+                   [&](Index f) { areas[static_cast<std::size_t>(f)] = facet_area(mesh, f); });
+  for (const Index f : detail::find_repeated_facets(mesh, run.part(0.6, 1))) areas[static_cast<std::size_t>(f)] = 0;
   run.finish();
   return areas;
 }
 
 double total_area(const MeshView& mesh, const Execution& execution) {
-  require_indices(mesh);
-  const Execution run = execution.start("measuring areas");
   CompensatedSum sum;
-  for_each_watched(mesh.num_facets(), run, [&](Index f) { sum.add(facet_area(mesh, f)); });
-  run.finish();
+  for (const double area : facet_areas(mesh, execution)) sum.add(area);
   return sum.value();
 }
 
@@ -332,9 +335,12 @@ MeshReport check(const MeshView& mesh, const Execution& execution) {
   for (Index v = 0; v < report.vertices; ++v) report.non_finite_vertices += vertex_is_finite(mesh, v) ? 0 : 1;
   const std::vector<Index> first = detail::first_equal_vertices(mesh, run.part(0.03, 0.2));
   for (std::size_t v = 0; v < first.size(); ++v) report.duplicate_vertices += first[v] == static_cast<Index>(v) ? 0 : 1;
+  const std::vector<Index> copies = detail::find_repeated_facets(mesh, run.part(0.2, 0.25));
+  report.repeated_facets = static_cast<Index>(copies.size());
+  auto copy = copies.begin();
   CompensatedSum area;
   bool box_started = false;
-  for_each_watched(report.facets, run.part(0.2, 0.5), [&](Index f) {
+  for_each_watched(report.facets, run.part(0.25, 0.5), [&](Index f) {
     if (!facet_in_range(mesh, f)) {
       ++report.out_of_range_facets;
       return;
@@ -343,7 +349,8 @@ MeshReport check(const MeshView& mesh, const Execution& execution) {
     report.repeated_index_facets += repeated ? 1 : 0;
     if (!facet_is_finite(mesh, f)) return;
     for (int k = 0; k < 3; ++k) grow_box(report.box, box_started, mesh.corner(f, k));
-    area.add(facet_area(mesh, f));
+    while (copy != copies.end() && *copy < f) ++copy;
+    if (copy == copies.end() || *copy != f) area.add(facet_area(mesh, f));
     const Vec3 a = mesh.corner(f, 0), b = mesh.corner(f, 1), c = mesh.corner(f, 2);
     report.zero_area_facets += !repeated && collinear(a.data(), b.data(), c.data()) ? 1 : 0;
   });
@@ -368,7 +375,8 @@ std::ostream& operator<<(std::ostream& out, const MeshReport& report) {
       << "\narea                   " << report.area << "\nbox                    [" << report.box.min.transpose() << "] to ["
       << report.box.max.transpose() << "]\ntopology               " << report.topology << "\nnon-finite vertices    "
       << report.non_finite_vertices << "\nout-of-range facets    " << report.out_of_range_facets << "\nrepeated-index facets  "
-      << report.repeated_index_facets << "\nzero-area facets       " << report.zero_area_facets << "\nduplicate vertices     "
+      << report.repeated_index_facets << "\nzero-area facets       " << report.zero_area_facets << "\nrepeated facets        "
+      << report.repeated_facets << "\nduplicate vertices     "
       << report.duplicate_vertices << "\nisolated vertices      " << report.isolated_vertices << "\nusable                 "
       << (report.usable() ? "yes" : "no") << '\n';
   return out;

@@ -51,8 +51,9 @@ void require_usable(const MeshView& mesh, const Execution& execution = {});
 // Error(kCancelled) if stopped through it. Those below, but topology() and check(), throw Error(kInvalidMesh) for an index out
 // of range.
 
-/// Area of each facet, absolute units; exactly 0 where the corners are exactly collinear. Good at any scale whose squares a
-/// double holds. total_area is a compensated sum, so it does not depend on the order of facets beyond its last bits.
+/// Area of each facet, absolute units; exactly 0 where the corners are exactly collinear, and where all three are those of an
+/// earlier facet, by position and in any order: a surface that is there twice is one. Good at any scale whose squares a double
+/// holds. total_area is a compensated sum, so it does not depend on the order of facets beyond its last bits.
 std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution = {});
 double total_area(const MeshView& mesh, const Execution& execution = {});
 
@@ -103,9 +104,10 @@ struct MeshReport {
   Index out_of_range_facets = 0;    ///< a corner index < 0 or ≥ #V
   Index repeated_index_facets = 0;  ///< two corners share an index
   Index zero_area_facets = 0;       ///< distinct indices, exactly collinear corners (decided exactly)
+  Index repeated_facets = 0;        ///< all corners at the positions of an earlier facet's, in any order: they are left out
   Index duplicate_vertices = 0;     ///< equal coordinates to an earlier vertex
   Index isolated_vertices = 0;
-  double area = 0;
+  double area = 0;  ///< without repeated facets
   Box box;
   TopologyReport topology;  ///< of the facets whose indices are in range
   bool usable() const {

@@ -28,6 +28,21 @@ void sort_by_high(EdgeSide* first, EdgeSide* last, const Execution& run) {
   }
 }
 
+constexpr std::uint64_t kHashFactor = 0x9e3779b97f4a7c15u;
+
+/// Equal for equal positions.
+std::uint64_t position_hash(const Vec3& x) {
+  std::uint64_t hash = 0;
+  for (int k = 0; k < 3; ++k) {
+    const double coordinate = x[k] + 0.0;  // −0 + 0 = +0: equal numbers have equal bits
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &coordinate, sizeof bits);
+    hash = (hash ^ bits) * kHashFactor;
+    hash ^= hash >> 32;
+  }
+  return hash;
+}
+
 }  // namespace
 
 MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const std::vector<char>& counted, const Execution& run)
@@ -144,15 +159,7 @@ Index DistinctPoints::find_or_add(const Vec3& x) {
 }
 
 std::size_t DistinctPoints::place(const Vec3& x) const {
-  std::uint64_t hash = 0;
-  for (int k = 0; k < 3; ++k) {
-    const double coordinate = x[k] + 0.0;  // −0 + 0 = +0: equal numbers have equal bits
-    std::uint64_t bits = 0;
-    std::memcpy(&bits, &coordinate, sizeof bits);
-    hash = (hash ^ bits) * 0x9e3779b97f4a7c15u;
-    hash ^= hash >> 32;
-  }
-  std::size_t at = hash & (table_.size() - 1);
+  std::size_t at = position_hash(x) & (table_.size() - 1);
   while (table_[at] != kNone && (*this)[table_[at]] != x) at = (at + 1) & (table_.size() - 1);
   return at;
 }
@@ -183,32 +190,53 @@ std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& r
 
 namespace {
 
-/// Lists facets whose three vertices an earlier facet has, ascending.
-std::vector<Index> find_repeated_facets(const Triangles& triangles, const MeshEdges& edges, const Execution& run) {
-  struct Opposite {
-    Index vertex, facet;
-    bool operator<(const Opposite& b) const { return vertex != b.vertex ? vertex < b.vertex : facet < b.facet; }
-  };
-  std::vector<Index> result;
-  std::vector<Opposite> opposite;
-  Ticker ticker(run, edges.size(), kEdgesPerLook);
-  for (std::size_t e = 0; e < edges.size(); ++e) {
-    ticker.tick();
-    const MeshEdge edge = edges[e];
-    if (edge.size() < 2) continue;
-    opposite.clear();
-    for (const EdgeSide& side : edge) opposite.push_back({triangles(side.facet, (side.k + 2) % 3), side.facet});
-    std::sort(opposite.begin(), opposite.end());
-    for (std::size_t k = 1; k < opposite.size(); ++k) {
-      if (opposite[k].vertex == opposite[k - 1].vertex) result.push_back(opposite[k].facet);
-    }
-  }
-  std::sort(result.begin(), result.end());  // each is seen at three edges
-  result.erase(std::unique(result.begin(), result.end()), result.end());
-  return result;
+/// Whether each of three distinct corners of a facet is one of another's, by position. False if corners are not distinct.
+bool has_corners_of(const MeshView& mesh, Index facet, Index other) {
+  const Vec3 x[3] = {mesh.corner(facet, 0), mesh.corner(facet, 1), mesh.corner(facet, 2)};
+  if (x[0] == x[1] || x[1] == x[2] || x[2] == x[0]) return false;
+  const Vec3 y[3] = {mesh.corner(other, 0), mesh.corner(other, 1), mesh.corner(other, 2)};
+  return std::all_of(x, x + 3, [&](const Vec3& corner) { return corner == y[0] || corner == y[1] || corner == y[2]; });
 }
 
 }  // namespace
+
+std::vector<Index> find_repeated_facets(const MeshView& mesh, const Execution& run) {
+  const Index num_vertices = mesh.num_vertices(), num_facets = mesh.num_facets();
+  std::vector<std::uint64_t> vertex_hash(slot(num_vertices)), facet_hash(slot(num_facets));
+  Ticker ticker(run, slot(num_vertices) + slot(num_facets), kEdgesPerLook);
+  for (Index v = 0; v < num_vertices; ++v) {
+    ticker.tick();
+    vertex_hash[slot(v)] = position_hash(mesh.vertices[v]);
+  }
+  std::size_t capacity = 16;
+  while (capacity < 2 * facet_hash.size()) capacity *= 2;
+  std::vector<Index> table;  // open addressing
+  resize_watched(table, capacity, kNone, run);
+  std::vector<Index> result;
+  for (Index f = 0; f < num_facets; ++f) {
+    ticker.tick();
+    std::uint64_t hash = 0;  // a sum: of no order
+    bool in_range = true;
+    for (int k = 0; k < 3; ++k) {
+      const Index v = mesh.triangles(f, k);
+      in_range = in_range && v >= 0 && v < num_vertices;
+      if (in_range) hash += vertex_hash[slot(v)];
+    }
+    if (!in_range) continue;
+    facet_hash[slot(f)] = hash *= kHashFactor;
+    bool repeated = false;
+    std::size_t at = (hash >> 32) & (capacity - 1);
+    for (; table[at] != kNone && !repeated; at = (at + 1) & (capacity - 1)) {
+      repeated = facet_hash[slot(table[at])] == hash && has_corners_of(mesh, f, table[at]);
+    }
+    if (repeated) {
+      result.push_back(f);
+    } else {
+      table[at] = f;
+    }
+  }
+  return result;
+}
 
 SurfaceEdges::Parts SurfaceEdges::make_parts(const MeshView& mesh, const Execution& run) {
   const std::vector<Index> first = first_equal_vertices(mesh, run.part(0, 0.3));
@@ -221,12 +249,9 @@ SurfaceEdges::Parts SurfaceEdges::make_parts(const MeshView& mesh, const Executi
     const auto row = triangles.row(f);
     if (row[0] == row[1] || row[1] == row[2] || row[2] == row[0]) counted[slot(f)] = 0;
   }
-  MeshEdges edges(triangles, mesh.num_vertices(), counted, run.part(0.4, 0.6));
-  std::vector<Index> repeated = find_repeated_facets(triangles, edges, run.part(0.6, 0.7));
-  if (!repeated.empty()) {
-    for (const Index f : repeated) counted[slot(f)] = 0;
-    edges = MeshEdges(triangles, mesh.num_vertices(), counted, run.part(0.7, 0.8));
-  }
+  std::vector<Index> repeated = find_repeated_facets(mesh, run.part(0.4, 0.5));
+  for (const Index f : repeated) counted[slot(f)] = 0;
+  MeshEdges edges(triangles, mesh.num_vertices(), counted, run.part(0.5, 0.8));
   return {std::move(triangles), mesh.num_vertices(), std::move(counted), std::move(repeated), std::move(edges)};
 }
 

@@ -48,7 +48,8 @@ class RestrictedPowerDiagram {
   };
 
   /// The diagram of the given sites (#S by 3, #S weights; ids are rows). Views are not copied: the mesh's buffers must outlive
-  /// the diagram. Facets with exactly collinear corners are skipped.
+  /// the diagram. Facets with exactly collinear corners have no fragments, nor have those whose three corners an earlier facet has,
+  /// at the same positions and in any order: they are that facet again, and would double all that is dual to it.
   /// Throws Error: kInvalidMesh (require_usable), kInvalidArgument (a site not finite, no site at all).
   /// Expected O(n log n + #fragments); facets are split over the threads of `execution`, with the same result for any number.
   RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
@@ -122,10 +123,11 @@ class RestrictedPowerDiagram {
   RegularTriangulation::Adjacency adjacency(const Execution& execution = {}) const;
 
   /// One dual triangle for each vertex where three cells meet inside a facet: (i, j, k) counter-clockwise in the orientation of
-  /// that facet, i the smallest. `facets` (optional): the facet of each. A triple appears as often as its cells meet.
+  /// that facet, i the smallest. `facets` (optional): the facet of each. A triple appears as often as its cells meet; of the
+  /// triangulation are those that do so an odd number of times (remesh.h).
   Triangles dual_triangles(std::vector<Index>* facets = nullptr, const Execution& execution = {}) const;
 
-  /// Restricted cell area per site, absolute units; they sum to the mesh's area.
+  /// Restricted cell area per site, absolute units; they sum to total_area().
   std::vector<double> cell_areas(const Execution& execution = {}) const;
 
   /// Wall-clock seconds the constructor spent on the triangulation (the rest went into the fragments).
@@ -218,7 +220,7 @@ class RestrictedPowerDiagram {
   std::size_t pool_garbage_ = 0;
   std::vector<Index> first_of_site_;
   std::vector<Index> first_of_facet_;
-  std::vector<double> facet_error_;  ///< bound of the error of computed corners; −1: no area
+  std::vector<double> facet_error_;  ///< bound of the error of computed corners; −1: no fragments
   double largest_facet_error_ = 0;
   /// By site: not less than the distance to any corner of its fragments; kNoCell: not visible. NaN (overflow) prunes nothing.
   std::vector<double> reach_;

@@ -15,12 +15,14 @@ namespace amps {
 namespace detail {
 namespace {
 
-/// Dual triangles, each triple of sites once (the first met, in the order of fragments).
-Triangles unique_triples(const Triangles& triangles, Index num_sites, const Execution& execution) {
+/// The dual mod 2: of dual triangles, least corner first, one for each triple of sites that is there an odd number of times.
+/// Where all facets at every edge are an even number, so are then the triangles at every edge. Of three or more the majority says
+/// how the one is oriented. Sorted by corners, so that nothing depends on the history of the diagram.
+Triangles odd_triples(const Triangles& triangles, Index num_sites, const Execution& execution) {
   struct Keyed {
     std::array<Index, 2> others;  ///< the corners but the least, ascending
-    Index row;
-    bool operator<(const Keyed& b) const { return others != b.others ? others < b.others : row < b.row; }
+    bool turned;                  ///< they were descending
+    bool operator<(const Keyed& b) const { return others < b.others; }
   };
   const auto n = static_cast<std::size_t>(triangles.rows());
   std::vector<std::size_t> begin(slot(num_sites) + 1, 0);  // of the triangles of each least corner, which is the first one
@@ -31,23 +33,28 @@ Triangles unique_triples(const Triangles& triangles, Index num_sites, const Exec
   std::vector<Keyed> keyed(n);
   std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
   for_each_piece(n, kElementsPerLook, execution.part(0.15, 0.5), [&](std::size_t from, std::size_t to) {
-    for (auto t = static_cast<Index>(from); t < static_cast<Index>(to); ++t) {
-      Keyed& k = keyed[next[slot(triangles(t, 0))]++];
-      k = {{triangles(t, 1), triangles(t, 2)}, t};
-      if (k.others[0] > k.others[1]) std::swap(k.others[0], k.others[1]);
+    for (std::size_t t = from; t < to; ++t) {
+      const auto row = triangles.row(static_cast<std::ptrdiff_t>(t));
+      Keyed& k = keyed[next[slot(row[0])]++];
+      k = {{std::min(row[1], row[2]), std::max(row[1], row[2])}, row[1] > row[2]};
     }
   });
-  // In sorted order, so that the output does not depend on the history of the diagram.
   std::vector<Index> corners;
   corners.reserve(3 * n);
   for_each_piece(slot(num_sites), kElementsPerLook, execution.part(0.5, 1), [&](std::size_t from, std::size_t to) {
     for (std::size_t s = from; s < to; ++s) {
       std::sort(keyed.begin() + static_cast<std::ptrdiff_t>(begin[s]),
                 keyed.begin() + static_cast<std::ptrdiff_t>(begin[s + 1]));
-      for (std::size_t k = begin[s]; k < begin[s + 1]; ++k) {
-        if (k > begin[s] && keyed[k].others == keyed[k - 1].others) continue;
-        const auto row = triangles.row(keyed[k].row);
-        corners.insert(corners.end(), {row[0], row[1], row[2]});
+      for (std::size_t k = begin[s]; k < begin[s + 1];) {
+        const auto [low, high] = keyed[k].others;
+        std::size_t count = 0, turned = 0;
+        for (; k < begin[s + 1] && keyed[k].others == std::array<Index, 2>{low, high}; ++k) {
+          ++count;
+          turned += keyed[k].turned ? 1 : 0;
+        }
+        if (count % 2 == 0) continue;
+        const bool turn = 2 * turned > count;
+        corners.insert(corners.end(), {static_cast<Index>(s), turn ? high : low, turn ? low : high});
       }
     }
   });
@@ -116,7 +123,7 @@ Triangles restricted_triangles(const RestrictedPowerDiagram& diagram, const std:
     }
   }
   const Index num_vertices = ids.empty() ? diagram.num_sites() : static_cast<Index>(ids.size());
-  triangles = unique_triples(triangles, num_vertices, execution.part(0.3, 0.5));
+  triangles = odd_triples(triangles, num_vertices, execution.part(0.3, 0.5));
   orient_consistently(triangles, num_vertices, execution.part(0.5, 1));
   return triangles;
 }
@@ -139,14 +146,18 @@ struct RemeshParts {
   }
 };
 
+/// Of the surface: equal positions are one point of it, and facets that are there twice are one.
+TopologyReport surface_topology(const MeshView& mesh, const Execution& execution) {
+  Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.5));
+  // Facets keep their order; topology() leaves out those of repeated indices.
+  for (const Index f : find_repeated_facets(mesh, execution.part(0.5, 0.6))) merged.triangles.row(f) << 0, 0, 0;
+  return topology(merged, execution.part(0.6, 1));
+}
+
 /// Measures the result, except what was measured on the way.
 void measure(const MeshView& mesh, const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution,
              RemeshResult& result) {
-  // Equal positions are one point to the surface; merging them changes neither area nor facets.
-  {
-    const Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.03));
-    result.report.input = topology(merged, execution.part(0.03, 0.05));
-  }
+  result.report.input = surface_topology(mesh, execution.part(0, 0.05));
   result.report.output = topology(result.mesh, execution.part(0.05, 0.3));
   result.report.quality = quality(result.mesh, execution.part(0.3, 0.5));
   result.report.maximality = measure_maximality(diagram, rule, execution.part(0.5, 1));

@@ -2,7 +2,8 @@
 // restricted power diagram — and the one-call pipeline.
 //
 // With a uniform radius r and a maximal set, every RRT triangle has its dual point on the surface within r of its three
-// corners, which are at least r apart: all angles lie in [30°, 120°] and all edges in [r, 2r], on any surface. Optimisation
+// corners, which are at least r apart: all angles lie in [30°, 120°] and all edges in [r, 2r], on any surface; and nothing opens
+// in the dual of a closed surface (restricted_triangulation()). Optimisation
 // (optimize.h), on by default, narrows the angles to [35°, 105°] or as far as asked for, and valences to 5, 6 and 7.
 #pragma once
 
@@ -30,7 +31,7 @@ struct RemeshOptions {
 struct RemeshReport {
   SamplingReport sampling;      ///< of the set before optimisation
   OptimizeReport optimization;  ///< no iterations if there was none
-  TopologyReport input;         ///< topology of the input mesh, vertices of equal position taken as one
+  TopologyReport input;         ///< topology of the input: equal positions one vertex, repeated facets one facet
   TopologyReport output;        ///< topology of the result
   QualityReport quality;        ///< of the result
   MaximalityReport maximality;  ///< certificate of the samples, from the diagram the triangles are dual to
@@ -51,9 +52,12 @@ struct RemeshResult {
 /// each, and triangles only if the report was all that was left to do; of a maximal set restricted_triangulation() makes them.
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 
-/// The RRT of a given set: one triangle (i, j, k) for each dual vertex of the restricted power diagram, each triple once.
-/// Oriented as the surface under it, then made consistent across manifold edges by majority per component, so inputs with
-/// flipped facets come out right wherever the output is orientable. Cancelled, it throws Error(kCancelled).
+/// The RRT of a given set: a triangle (i, j, k) for each triple of cells that meet an odd number of times inside facets; where
+/// they meet twice, as on both sides of a sharp crease or of a thin plate, the two triangles cancel. So where every edge of the
+/// input has evenly many facets (equal positions being one vertex, and facets that are there twice one facet), every edge of the
+/// result has evenly many triangles, for any set: the dual of a closed surface has no boundary. Oriented as the surface under it,
+/// then made consistent across manifold edges by majority per component, so inputs with flipped facets come out right wherever
+/// the output is orientable. Cancelled, it throws Error(kCancelled).
 Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {});
 
 }  // namespace amps

@@ -2,6 +2,7 @@
 #include "amps/surface_distance.h"
 
 #include "amps/execution.h"
+#include "amps/mesh_edges.h"
 #include "amps/spatial_sort.h"
 #include "amps/surface_tree.h"
 
@@ -180,7 +181,8 @@ class OneSidedMeasure {
     constexpr std::size_t kGrain = 64;
     std::vector<Sums> sums((facets + kGrain - 1) / kGrain);
     upper_.assign(facets, 0);
-    const double area = total_area(from_, execution.part(0, 0.05));
+    const double area = total_area(from_, execution.part(0, 0.03));
+    const std::vector<Index> repeated = detail::find_repeated_facets(from_, execution.part(0.03, 0.05));
     // Halving leaves cells of a fifth of the squared spacing, as a mean.
     const double cells = std::min(5 * area / (spacing_ * spacing_), 1e18);
     detail::WorkCounter counter(execution.part(0.05, 1), facets + static_cast<std::uint64_t>(cells));
@@ -188,6 +190,7 @@ class OneSidedMeasure {
     parallel_for(facets, kGrain, execution, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const auto f = static_cast<Index>(i);
+        if (std::binary_search(repeated.begin(), repeated.end(), f)) continue;  // its points are those of another facet
         const std::array<Vec3, 3> x = corners_of(from_, f);
         integrate(f, facet_corners(f), 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm(), sums[begin / kGrain]);
       }

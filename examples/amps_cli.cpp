@@ -260,6 +260,7 @@ int run_info(const Arguments& arguments) {
       .add("out_of_range_facets", report.out_of_range_facets)
       .add("repeated_index_facets", report.repeated_index_facets)
       .add("zero_area_facets", report.zero_area_facets)
+      .add("repeated_facets", report.repeated_facets)
       .add("duplicate_vertices", report.duplicate_vertices)
       .add("isolated_vertices", report.isolated_vertices);
   add_topology(json, "topology", shape);
@@ -289,6 +290,7 @@ int run_info(const Arguments& arguments) {
   trouble("duplicate vertices", report.duplicate_vertices);
   trouble("isolated vertices", report.isolated_vertices);
   trouble("zero-area triangles", report.zero_area_facets);
+  trouble("repeated triangles", report.repeated_facets);
   trouble("repeated indices", report.repeated_index_facets);
   trouble("indices out of range", report.out_of_range_facets);
   trouble("non-finite vertices", report.non_finite_vertices);

@@ -68,14 +68,14 @@ double valence_energy(Form form, std::size_t neighbors, bool crossings) {
   return 5.0 * (n < 5 ? 5 - n : std::max(0, n - 7));
 }
 
-/// All triangles, each once.
+/// All triangles: triples that are met an odd number of times.
 std::set<Triple> triples_of(const Diagram& diagram) {
   std::set<Triple> triples;
   const Triangles triangles = diagram.dual_triangles();
   for (Index t = 0; t < rows(triangles); ++t) {
     Triple corners = {triangles(t, 0), triangles(t, 1), triangles(t, 2)};
     std::sort(corners.begin(), corners.end());
-    triples.insert(corners);
+    if (!triples.insert(corners).second) triples.erase(corners);
   }
   return triples;
 }

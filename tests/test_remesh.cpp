@@ -96,8 +96,8 @@ void check_remeshed(const Mesh& input, const RemeshResult& result, double radius
   CHECK(report.maximality.worst_separation == doctest::Approx(fresh.worst_separation).epsilon(1e-12));
 }
 
-/// The oracle: the triangles of sites whose equidistant line meets the surface in a point with no other site nearer. All
-/// triples within `reach` of each other against all facets.
+/// The oracle: the triangles of sites whose equidistant line meets the surface in an odd number of points with no other site
+/// nearer. All triples within `reach` of each other against all facets.
 std::set<Triple> brute_force_triples(const Mesh& mesh, const SampleSet& set, double reach) {
   using V = Eigen::Matrix<Real, 3, 1>;
   const auto site = [&](Index s) -> V { return sample_at(set, s).cast<Real>(); };
@@ -126,7 +126,8 @@ std::set<Triple> brute_force_triples(const Mesh& mesh, const SampleSet& set, dou
           for (Index s = 0; s < n && nearest; ++s) {
             nearest = s == i || s == j || s == k || (x - site(s)).norm() >= distance;
           }
-          if (nearest) result.insert({i, j, k});
+          // Mod 2: of two points one triangle is none.
+          if (nearest && !result.insert({i, j, k}).second) result.erase({i, j, k});
         }
       }
     }
@@ -361,6 +362,7 @@ TEST_CASE("remesh: optimised unless told otherwise") {
 }
 
 TEST_CASE("remesh: cancelled, it returns what there is") {
+  constexpr int kLooks = 18;  // some of the first go before the first dart
   const Mesh mesh = amps::make_torus();
   for (const std::string wanted : {"throwing darts", "triangulating samples", "dividing the surface", "filling gaps",
                                    "improving triangles", "building the mesh", "measuring the result"}) {
@@ -370,10 +372,10 @@ TEST_CASE("remesh: cancelled, it returns what there is") {
     int seen = 0;
     watch(options.sampling, [&](const char* stage, double) {
       seen += stage == wanted;
-      return seen < 14;
+      return seen < kLooks;
     });
     const RemeshResult result = amps::remesh(mesh, options);
-    CHECK(seen == 14);
+    CHECK(seen == kLooks);
     CHECK(result.status == Outcome::kCancelled);
     CHECK(result.samples.size() > 0);
     CHECK(same_bits(result.mesh.vertices, result.samples.positions));

@@ -56,6 +56,23 @@ inline bool is_degenerate(const Mesh& mesh, Index facet) {
   return amps::collinear(a.data(), b.data(), c.data());
 }
 
+/// Flags of facets that an earlier one is, by positions in any order. Corners of degenerate facets may be equal; they are none.
+inline std::vector<char> repeated_facets(const Mesh& mesh) {
+  std::set<std::array<std::array<double, 3>, 3>> seen;
+  std::vector<char> repeated(at(rows(mesh.triangles)), 0);
+  for (Index f = 0; f < rows(mesh.triangles); ++f) {
+    if (is_degenerate(mesh, f)) continue;
+    std::array<std::array<double, 3>, 3> corners;
+    for (int k = 0; k < 3; ++k) {
+      const Vec3 x = MeshView(mesh).corner(f, k);
+      corners[at(k)] = {x.x() + 0.0, x.y() + 0.0, x.z() + 0.0};
+    }
+    std::sort(corners.begin(), corners.end());
+    repeated[at(f)] = seen.insert(corners).second ? 0 : 1;
+  }
+  return repeated;
+}
+
 /// Every combinatorial law of a restricted power diagram, proved from the public interface alone. Returns the first violation.
 inline std::string broken_law(const Mesh& mesh, const Diagram& diagram) {
   if (const std::string found = diagram.check(); !found.empty()) return "check(): " + found;
@@ -70,12 +87,13 @@ inline std::string broken_law(const Mesh& mesh, const Diagram& diagram) {
   // Crossings of mesh edges, by the global ends of the edge and the two sites, over all facets.
   std::map<std::array<Index, 4>, Seen> on_edge;
   std::map<std::array<Index, 2>, int> facets_of_edge;
+  const std::vector<char> repeated = repeated_facets(mesh);
   Index fragments = 0, listed_triangles = 0;
   std::vector<Index> of_site(static_cast<std::size_t>(diagram.num_sites()), 0);
   for (Index facet = 0; facet < mesh.triangles.rows(); ++facet) {
     const std::string where = " on facet " + std::to_string(facet);
-    if (is_degenerate(mesh, facet)) {
-      if (diagram.first_of_facet(facet) != kNone) return "a facet without area has fragments:" + where;
+    if (is_degenerate(mesh, facet) || repeated[at(facet)] != 0) {
+      if (diagram.first_of_facet(facet) != kNone) return "a facet without area, or there already, has fragments:" + where;
       continue;
     }
     for (int e = 0; e < 3; ++e) {
@@ -159,8 +177,9 @@ inline std::vector<Real> brute_force_areas(const Mesh& mesh, const Sites& sites)
   using Point = std::array<Real, 3>;
   std::vector<Real> areas(static_cast<std::size_t>(sites.size()), 0);
   std::vector<Point> polygon, clipped;
+  const std::vector<char> repeated = repeated_facets(mesh);
   for (Index facet = 0; facet < mesh.triangles.rows(); ++facet) {
-    if (is_degenerate(mesh, facet)) continue;
+    if (is_degenerate(mesh, facet) || repeated[at(facet)] != 0) continue;
     const Real whole = facet_area(mesh, facet);
     for (Index i = 0; i < sites.size(); ++i) {
       polygon = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
