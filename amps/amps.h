@@ -33,6 +33,7 @@
 //   mesh_edges.h     (internal) facets at edges, fans of corners, disjoint sets, points by position
 //   shapes.h         sphere, torus, square, knot, cube
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
+//   surface_tree.h   SurfaceTree: the nearest point of a surface
 //   spatial_sort.h   (internal) the order of bulk insertion: random rounds along a Hilbert curve
 //   samples.h        the sample set, the conflict rule; how a sample is made
 //   reach.h          (internal) what a disk reaches: facets joined to its centre within its ball; by sample and by facet
@@ -40,17 +41,21 @@
 //   triangulation_queries   (its .cpp only) cells, neighbours, location, the proof of all invariants
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
+//   site_grid.h      (internal) sites by place, while they come and go
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
 //   power_diagram_clipper  (internal) its polygons, cut by bisectors
 //   power_diagram_edit     (its .cpp only) inserting and removing sites
+//   power_diagram_local    (its .cpp only) facets divided among the sites that reach them
 //   sizing.h         sizing fields: the wanted radius at each point of a surface
 //   sizing_lattice.h  (internal) its tables: lattices on facets, interpolation, the integral that counts samples
 //   sizing_gradation        (its .cpp only) limiting how fast the radius changes; fields for a number of samples
 //   sizing_lfs              (its .cpp only) local feature size, by poles
 //   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
+//   cap_field.h      (internal) bounds of radii around points where they had to be small
 //   wanted_radii.h   (internal) one radius or a field, and the conflict rule, behind one face
 //   voxel_grid.h     (internal) which samples are near a dart
 //   darts.h          (internal) drawing facets by weight and points by density
+//   disk_set.h       (internal) the disks there are, balls or parts of the surface, and what conflicts with them
 //   count_model.h    (internal) how many samples radii make
 //   gaps.h           (internal) the uncovered part of a fragment: area, primitives, uniform points in it
 //   gap_filling.h    (internal) fills gaps, for whoever has a set
@@ -66,7 +71,6 @@
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
 //   mesh_io_samples         (its .cpp only) sample files, lists of numbers
 //   quality.h        angles, edges, areas, valences
-//   surface_tree.h   SurfaceTree: the nearest point of a surface
 //   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces
 //   remesh.h         the dual triangulation, and the whole pipeline in one call
 #pragma once

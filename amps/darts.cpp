@@ -181,7 +181,10 @@ SurfaceDarts::SurfaceDarts(const MeshView& mesh, const WantedRadii& radii, const
 
 Sample SurfaceDarts::draw(Rng& rng) const {
   const Index drawn = table_.pick(rng);
-  if (radii_.constant()) return {surface_point_at(mesh_, drawn, uniform_barycentric(rng)), radii_.min()};
+  if (radii_.constant()) {
+    const SurfacePoint at = surface_point_at(mesh_, drawn, uniform_barycentric(rng));
+    return {at, radii_.at(at)};
+  }
   const SizingField::Piece piece = radii_.field().piece(static_cast<std::size_t>(drawn));
   const Vec3 b = density_barycentric(piece.radii, rng);
   const SurfacePoint at =

@@ -107,7 +107,8 @@ double StarReader::valence(Form form) const {
 
 double StarReader::energy(Index s, DualStar& star) {
   read(s);
-  double sum = valence(form(star));
+  const Form its_form = form(star);
+  double sum = s < num_fixed_ ? 0 : valence(its_form);
   for (const Pair& pair : pairs_) sum += triangle(s, pair[0], pair[1]) / 3;
   return sum;
 }
@@ -115,7 +116,7 @@ double StarReader::energy(Index s, DualStar& star) {
 void StarReader::list_bad(Index s, std::vector<BadItem>& items) {
   read(s);
   DualStar star;
-  if (valence(form(star)) > 0) items.push_back({s, kNone, kNone});
+  if (s >= num_fixed_ && valence(form(star)) > 0) items.push_back({s, kNone, kNone});
   for (const Pair& pair : pairs_) {
     if (s < pair[0] && triangle(s, pair[0], pair[1]) > 0) items.push_back({s, pair[0], pair[1]});
   }

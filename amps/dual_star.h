@@ -73,7 +73,9 @@ struct BadItem {
 /// Reads dual stars as the diagram has them, one at a time, and rates them. A view: diagram and rating must outlive it.
 class StarReader {
  public:
-  StarReader(const RestrictedPowerDiagram& diagram, const DualRating& rating) : diagram_(diagram), rating_(rating) {}
+  /// Samples below `num_fixed` lie on curves, and may have any valence.
+  StarReader(const RestrictedPowerDiagram& diagram, const DualRating& rating, Index num_fixed = 0)
+      : diagram_(diagram), rating_(rating), num_fixed_(num_fixed) {}
 
   /// Whether the valence of crossings counts; at first it does not.
   void rate_crossings(bool on) { rates_crossings_ = on; }
@@ -115,6 +117,7 @@ class StarReader {
 
   const RestrictedPowerDiagram& diagram_;
   const DualRating& rating_;
+  Index num_fixed_;
   bool rates_crossings_ = false;
   std::vector<Pair> pairs_;
   std::vector<Index> ring_;

@@ -5,6 +5,7 @@
 #include "amps/spatial_sort.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace amps::detail {
 namespace {
@@ -127,13 +128,14 @@ void GapFiller::refresh(Index f) {
 
 bool GapFiller::surely_covered(Index f) const {
   const double reach = diagram_.reach(f);
-  if (radii_.uniform()) return reach <= radii_.min();
+  if (radii_.uniform() && !disks_.knows_surface()) return reach <= radii_.min();
+  if (!std::isfinite(reach)) return false;
   return reach * reach <= diagram_.site(diagram_.polygon(f).site).w;
 }
 
 /// ρ in the middle of a fragment, in units of its greatest value. Above the square of rounding, so that no gap goes unseen.
 double GapFiller::relative_density(const RestrictedPowerDiagram::Polygon& polygon) const {
-  if (radii_.constant()) return 1;
+  if (radii_.one_density()) return 1;
   Vec3 sum = Vec3::Zero();
   for (Index k = 0; k < polygon.size; ++k) sum += polygon.corners[k];
   return radii_.relative_density(surface_point_below(diagram_.mesh(), polygon.facet, sum / polygon.size));
@@ -175,10 +177,9 @@ bool GapFiller::throw_darts_into(Index f, Rng& rng, Sample& sample) {
   gap_.assign(diagram_, polygon);
   for (int dart = 0; dart < kGapDarts; ++dart) {
     sample.at = surface_point_below(diagram_.mesh(), polygon.facet, gap_.sample(rng));
-    const Vec3& x = sample.position();
-    if (!x.allFinite() || !is_free(x, polygon, dart + 1 == kGapDarts ? kSeparationSlack : 0.0)) continue;
-    sample.radius = radii_.at(sample.at);
-    if (radii_.lowers()) sample.radius = radii_.lowered(sample.radius, grid_.nearest_squared_distance(x, sample.radius));
+    if (!sample.position().allFinite()) continue;
+    if (!is_free(sample.at, polygon, dart + 1 == kGapDarts ? kSeparationSlack : 0.0)) continue;
+    sample.radius = disks_.lowered_radius(sample.at, radii_.at(sample.at), radii_);
     return true;
   }
   return false;
@@ -186,16 +187,16 @@ bool GapFiller::throw_darts_into(Index f, Rng& rng, Sample& sample) {
 
 /// Rounding may move a point of the gap into a ball: the doubles themselves are tested, exactly unless slack is given. (A gap
 /// lies in no ball, whatever the conflict rule.)
-bool GapFiller::is_free(const Vec3& x, const RestrictedPowerDiagram::Polygon& polygon, double slack) const {
-  const Index covers = grid_.conflicting_sample(x, 0, ConflictRule::kMax);
+bool GapFiller::is_free(const SurfacePoint& at, const RestrictedPowerDiagram::Polygon& polygon, double slack) const {
+  const Index covers = disks_.covering_sample(at);
   if (covers == kNone) return true;
   if (slack == 0) return false;
   const double shrink = (1 - slack) * (1 - slack);
   const auto is_outside = [&](Index s) {
     const WeightedPoint& site = diagram_.site(s);
-    return side_of_ball(x.data(), site.position().data(), site.w * shrink) >= 0;
+    return side_of_ball(at.position.data(), site.position().data(), site.w * shrink) >= 0;
   };
-  if (!is_outside(covers) || !is_outside(polygon.site)) return false;
+  if (!is_outside(covers) || (polygon.site != kNone && !is_outside(polygon.site))) return false;
   for (Index k = 0; k < polygon.size; ++k) {
     if (RestrictedPowerDiagram::is_site(polygon.labels[k]) && !is_outside(polygon.labels[k])) return false;
   }

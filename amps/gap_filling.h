@@ -7,11 +7,11 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/disk_set.h"
 #include "amps/execution.h"
 #include "amps/gaps.h"
 #include "amps/power_diagram.h"
 #include "amps/samples.h"
-#include "amps/voxel_grid.h"
 #include "amps/wanted_radii.h"
 
 #include <cstddef>
@@ -61,14 +61,14 @@ struct GapFilling {
 /// where all else is covered: look_at() what has changed, fill(), forget(). One object per thread.
 class GapFiller {
  public:
-  /// Enters a sample into the diagram, the grid, and whatever else its owner keeps: that is also where a caller who may want to
+  /// Enters a sample into the diagram, the disks, and whatever else its owner keeps: that is also where a caller who may want to
   /// undo it all takes notes. `near`: a site close to it. The filler looks at the diagram's changed() afterwards.
   using Enter = std::function<void(const Sample& sample, Index near)>;
 
-  /// All must outlive it. The grid holds the sites of the diagram that are not removed, with radii whose rounded squares are
+  /// All must outlive it. The disks are the sites of the diagram that are not removed, with radii whose rounded squares are
   /// their weights.
-  GapFiller(const RestrictedPowerDiagram& diagram, const VoxelGrid& grid, const WantedRadii& radii)
-      : diagram_(diagram), grid_(grid), radii_(radii) {}
+  GapFiller(const RestrictedPowerDiagram& diagram, const DiskSet& disks, const WantedRadii& radii)
+      : diagram_(diagram), disks_(disks), radii_(radii) {}
 
   /// O(n log n), with nothing looked at before. Cancelled, it throws Error(kCancelled).
   void look_at_all(const Execution& execution = {});
@@ -87,10 +87,10 @@ class GapFiller {
   bool surely_covered(Index f) const;
   double relative_density(const RestrictedPowerDiagram::Polygon& polygon) const;
   bool throw_darts_into(Index f, Rng& rng, Sample& sample);
-  bool is_free(const Vec3& x, const RestrictedPowerDiagram::Polygon& polygon, double slack) const;
+  bool is_free(const SurfacePoint& at, const RestrictedPowerDiagram::Polygon& polygon, double slack) const;
 
   const RestrictedPowerDiagram& diagram_;
-  const VoxelGrid& grid_;
+  const DiskSet& disks_;
   const WantedRadii& radii_;
   FragmentGap gap_;
   SumTree gaps_;                    ///< by leaf: ρ × area of the gap of a fragment

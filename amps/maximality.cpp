@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/maximality.h"
 
+#include "amps/disk_set.h"
 #include "amps/gaps.h"
 #include "amps/kdtree.h"
 #include "amps/predicates.h"
@@ -35,9 +36,17 @@ constexpr std::uint64_t kSamplesPerLook = 4096;
 /// contradict.
 class SeparationMeasure {
  public:
-  SeparationMeasure(const RestrictedPowerDiagram& diagram, ConflictRule rule) : diagram_(diagram), rule_(rule) {}
+  /// `disks`: null for balls.
+  SeparationMeasure(const RestrictedPowerDiagram& diagram, ConflictRule rule, const DiskSet* disks)
+      : diagram_(diagram), rule_(rule), disks_(disks) {}
 
   double worst(const Execution& execution) {
+    if (disks_ != nullptr) {
+      const double conflict = disks_->worst_conflict(execution.part(0, 0.5));
+      if (std::isfinite(conflict)) return conflict;
+      look_at_neighbors(execution.part(0.5, 1));
+      return best_;
+    }
     look_at_neighbors(execution.part(0, 0.5));
     const bool known = all_visible_ && ((rule_ == ConflictRule::kMax && neighbors_apart_) || min_weight_ == max_weight_);
     if (!known) look_at_all_pairs(execution.part(0.5, 1));
@@ -61,7 +70,14 @@ class SeparationMeasure {
       all_visible_ = all_visible_ && diagram_.visible(i);
       for (Index k = around.offset[slot(i)]; k < around.offset[slot(i) + 1]; ++k) {
         if (around.adjacent[slot(k)] < i) continue;
-        const WeightedPoint& q = diagram_.site(around.adjacent[slot(k)]);
+        const Index j = around.adjacent[slot(k)];
+        const WeightedPoint& q = diagram_.site(j);
+        if (disks_ != nullptr) {
+          const double distance = (p.position() - q.position()).norm();
+          if (disks_->reaches_sample(i, j)) best_ = std::min(best_, distance / std::sqrt(p.w));
+          if (disks_->reaches_sample(j, i)) best_ = std::min(best_, distance / std::sqrt(q.w));
+          continue;
+        }
         const double between = ratio(p, q);
         best_ = std::min(best_, between);
         constexpr double kRounding = 1e-14;  // of the ratio
@@ -97,6 +113,7 @@ class SeparationMeasure {
 
   const RestrictedPowerDiagram& diagram_;
   ConflictRule rule_;
+  const DiskSet* disks_;
   double best_ = INFINITY;
   double min_weight_ = INFINITY, max_weight_ = 0;
   bool all_visible_ = true;
@@ -106,10 +123,25 @@ class SeparationMeasure {
 }  // namespace
 
 RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, const Execution& execution) {
+  return diagram_of(mesh, samples, Neighborhood::kSpace, 0, execution).diagram;
+}
+
+SetDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, Neighborhood neighborhood, double max_radius,
+                      const Execution& execution) {
   require_sample_set(samples);
-  RestrictedPowerDiagram diagram(mesh, samples.positions, weights_of(samples.radii), execution);
+  std::shared_ptr<DiskSet> disks;
+  double begin = 0;
+  if (neighborhood == Neighborhood::kSurface) {
+    constexpr double kFloodsShare = 0.2;
+    begin = kFloodsShare;
+    require_usable(mesh);
+    const auto flood = flood_of(mesh, neighborhood, execution.part(0, begin / 2));
+    disks = disks_of(mesh, samples, INFINITY, max_radius, flood, execution.part(begin / 2, begin));
+  }
+  RestrictedPowerDiagram diagram(mesh, samples.positions, weights_of(samples.radii),
+                                 disks == nullptr ? nullptr : disks->reach_lists(), execution.part(begin, 1));
   if (diagram.status() == Outcome::kCancelled) execution.check();
-  return diagram;
+  return {std::move(disks), std::move(diagram)};
 }
 
 bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution) {
@@ -121,7 +153,8 @@ bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution)
   return false;
 }
 
-MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution) {
+MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution,
+                                    const DiskSet* disks) {
   const Execution run = execution.start("checking coverage and distances");
   MaximalityReport report;
   FragmentGap gap;
@@ -130,6 +163,12 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
     ticker.tick();
     if (!diagram.alive(f)) continue;
     const auto polygon = diagram.polygon(f);
+    if (polygon.site == kNone) {
+      report.worst_coverage = INFINITY;
+      ++report.gaps;
+      report.gap_area += polygon.area();
+      continue;
+    }
     const WeightedPoint& site = diagram.site(polygon.site);
     for (Index k = 0; k < polygon.size; ++k) {
       report.worst_coverage = std::max(report.worst_coverage, (polygon.corners[k] - site.position()).squaredNorm() / site.w);
@@ -139,24 +178,27 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
     report.gap_area += gap.assign(diagram, polygon);
   }
   report.worst_coverage = std::sqrt(report.worst_coverage);
-  report.worst_separation = SeparationMeasure(diagram, rule).worst(run.part(0.4, 1));
+  report.worst_separation = SeparationMeasure(diagram, rule, disks).worst(run.part(0.4, 1));
   run.finish();
   return report;
 }
 
 }  // namespace detail
 
-MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution, ConflictRule rule) {
+MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution, ConflictRule rule,
+                                Neighborhood neighborhood) {
   const Execution run = execution.start();
-  const RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, run.part(0, 0.85));
-  const MaximalityReport report = detail::measure_maximality(diagram, rule, run.part(0.85, 1));
+  detail::require_neighborhood(neighborhood, rule);
+  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.85));
+  const MaximalityReport report = detail::measure_maximality(set.diagram, rule, run.part(0.85, 1), set.disks.get());
   run.finish();
   return report;
 }
 
-GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution) {
+GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution, Neighborhood neighborhood) {
   const Execution run = execution.start();
-  const RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, run.part(0, 0.9));
+  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9));
+  const RestrictedPowerDiagram& diagram = set.diagram;
   detail::Ticker ticker(run.part(0.9, 1, "listing gaps"), detail::slot(diagram.fragment_capacity()), detail::kFragmentsPerLook);
   detail::FragmentGap gap;
   GapSet result;

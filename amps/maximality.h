@@ -13,6 +13,7 @@
 #include "amps/samples.h"
 
 #include <iosfwd>
+#include <memory>
 #include <vector>
 
 namespace amps {
@@ -21,7 +22,8 @@ namespace amps {
 struct MaximalityReport {
   double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r, to rounding; maximal: at most 1
   double worst_separation = 0;  ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample.
-                                ///< With ConflictRule::kMin: of |p_i − p_j|/min(r_i, r_j)
+                                ///< With ConflictRule::kMin: of |p_i − p_j|/min(r_i, r_j). Over disks that know their surface:
+                                ///< of |p_i − p_j|/r_i for p_j in disk i; if there is none, of neighbours that i reaches
   Index gaps = 0;       ///< fragments (restricted cell ∩ facet) that are not covered, decided exactly
   double gap_area = 0;  ///< uncovered area, absolute, in closed form
   /// Without a tolerance: exactly. With one: as if all radii were larger by that share, for sets that come from elsewhere with
@@ -32,7 +34,8 @@ struct MaximalityReport {
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
 /// barycentrics are given but not one a sample; kInvalidMesh; kCancelled, as find_gaps().
 MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                                ConflictRule rule = ConflictRule::kMax);
+                                ConflictRule rule = ConflictRule::kMax,
+                                Neighborhood neighborhood = Neighborhood::kSpace);
 std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
 
 /// The uncovered part of the surface as triangles: the gap primitives. Each triangle contains a piece of a gap (and may
@@ -43,16 +46,28 @@ struct GapSet {
   Index gaps = 0;             ///< uncovered fragments
   double area = 0;            ///< exact uncovered area (less than that of the primitives)
 };
-GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {});
+GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
+                 Neighborhood neighborhood = Neighborhood::kSpace);
 
 namespace detail {
 
+class DiskSet;
+
 /// Throws what verify_maximal documents.
 RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, const Execution& execution);
+/// The diagram of a set, and its disks where they know their surface (else null).
+struct SetDiagram {
+  std::shared_ptr<DiskSet> disks;
+  RestrictedPowerDiagram diagram;
+};
+/// `max_radius`: of samples to come; those there are may be larger.
+SetDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, Neighborhood neighborhood, double max_radius,
+                      const Execution& execution);
 /// Is any point of the surface outside of its owner's disk? Exact.
 bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution = {});
+/// `disks`: those of the diagram's sites where they know their surface, else null.
 MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule = ConflictRule::kMax,
-                                    const Execution& execution = {});
+                                    const Execution& execution = {}, const DiskSet* disks = nullptr);
 
 }  // namespace detail
 

@@ -7,12 +7,14 @@
 #include "amps/maximality.h"
 #include "amps/refill.h"
 #include "amps/sample_edit.h"
-#include "amps/voxel_grid.h"
+#include "amps/disk_set.h"
 #include "amps/wanted_radii.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
+#include <memory>
 #include <locale>
 #include <ostream>
 #include <sstream>
@@ -74,8 +76,8 @@ WantedRadii radii_of(const OptimizeOptions& options, const SampleSet& samples) {
   return wanted.beside(min, max);
 }
 
-/// For the samples there are and those to come.
-VoxelGrid grid_for(const MeshView& mesh, const WantedRadii& radii) {
+/// Balls, none yet: for the samples there are and those to come.
+DiskSet balls_for(const MeshView& mesh, const WantedRadii& radii) {
   const double min = radii.min_of_set(), max = radii.max_of_set();
   const Box box = bounding_box(mesh);
   if (!VoxelGrid::fits(box, min, max)) {
@@ -83,19 +85,21 @@ VoxelGrid grid_for(const MeshView& mesh, const WantedRadii& radii) {
                                           " are out of proportion to the mesh's diagonal " + number_text(box.diagonal()) +
                                           "; stay between 1e-6 and 1e6 of it");
   }
-  return VoxelGrid(box, min, max);
+  return DiskSet(VoxelGrid(box, min, max));
 }
 
 /// What the parts of the optimiser work on.
 struct OptimizeState {
-  OptimizeState(RestrictedPowerDiagram& given, const SampleSet& set, const OptimizeOptions& given_options, double min_angle,
-                double max_angle, const Execution& execution)
+  OptimizeState(RestrictedPowerDiagram& given, const SampleSet& set, const OptimizeSurface& surface,
+                const OptimizeOptions& given_options, double min_angle, double max_angle, const Execution& execution)
       : diagram(given),
+        num_fixed(surface.num_fixed),
         options(given_options),
         rating(options.angles, options.valences, min_angle, max_angle),
-        reader(diagram, rating),
-        radii(radii_of(options, set)),
-        samples(given, set, grid_for(diagram.mesh(), radii), execution.part(0, 0.3)),
+        reader(diagram, rating, num_fixed),
+        radii(radii_of(options, set).with_caps(surface.caps)),
+        balls(surface.disks != nullptr ? nullptr : std::make_unique<DiskSet>(balls_for(diagram.mesh(), radii))),
+        samples(given, set, surface.disks != nullptr ? *surface.disks : *balls, execution.part(0, 0.3)),
         rng(options.seed) {
     report.min_angle = min_angle;
     report.max_angle = max_angle;
@@ -104,7 +108,7 @@ struct OptimizeState {
     const Execution reading = execution.part(0.3, 1);
     WorkCounter done(reading, n);
     parallel_for(n, kStarsPerTask, reading, [&](std::size_t begin, std::size_t end) {
-      StarReader own(diagram, rating);
+      StarReader own(diagram, rating, num_fixed);
       for (std::size_t s = begin; s < end; ++s) stars.read(own, static_cast<Index>(s));
       done.add(end - begin);
     });
@@ -112,10 +116,12 @@ struct OptimizeState {
   OptimizeState(const OptimizeState&) = delete;
 
   const RestrictedPowerDiagram& diagram;
+  const Index num_fixed;  ///< samples below stay where they are
   const OptimizeOptions& options;
   const DualRating rating;
   StarReader reader;
   const WantedRadii radii;
+  const std::unique_ptr<DiskSet> balls;
   EditableSamples samples;
   DualStars stars;  ///< of `samples`, up to date between edits
   Rng rng;
@@ -135,7 +141,7 @@ struct OptimizeState {
     return star.size == 0;
   }
 
-  RefillFinder finder() const { return {diagram, stars, rating, radii, options.refills}; }
+  RefillFinder finder() const { return {diagram, stars, rating, radii, options.refills, num_fixed}; }
 };
 
 /// Angles of all triangles.
@@ -171,7 +177,7 @@ struct EditSeries {
 /// Carries out refills, and keeps those that lower the energy of all samples affected: their stars are the only ones to change.
 class Refiller {
  public:
-  explicit Refiller(OptimizeState& state) : state_(state), filler_(state.diagram, state.samples.grid(), state.radii) { grow(); }
+  explicit Refiller(OptimizeState& state) : state_(state), filler_(state.diagram, state.samples.disks(), state.radii) { grow(); }
 
   /// Proposals made from now on may rely on the present state.
   void begin_batch() { ++batch_; }
@@ -212,6 +218,7 @@ class Refiller {
   void refill_in_place(const BadItem& item, Accept accept, int more = 0) {
     if (!affords_edits_in_place()) return;
     const std::vector<Index> removed = random_patch(item, more);
+    if (removed.empty()) return;
     if (static_cast<Index>(removed.size()) + 1 >= num_samples()) return;
     SampleEdit edit(state_.samples, removed);
     edit.take_out();
@@ -279,14 +286,29 @@ class Refiller {
       if (others > 1) patch.push_back(item.c);
       std::swap(patch[0], patch[rng.below(patch.size())]);
     }
+    take_free(patch);
+    if (patch.empty()) return patch;
     const int neighbors = (rng.below(3) == 0 ? kNeighborsInPlace : 0) + more;
     for (int k = 0; k < neighbors; ++k) {
       const auto& pairs = state_.reader.read(patch[rng.below(patch.size())]);
       if (pairs.empty()) continue;
       const Index s = pairs[rng.below(pairs.size())][rng.below(2)];
-      if (std::find(patch.begin(), patch.end(), s) == patch.end()) patch.push_back(s);
+      if (s >= state_.num_fixed && std::find(patch.begin(), patch.end(), s) == patch.end()) patch.push_back(s);
     }
     return patch;
+  }
+
+  /// Leaves out samples that stay; where that leaves none, takes one of their neighbours instead, if one may go.
+  void take_free(std::vector<Index>& patch) {
+    const auto is_fixed = [this](Index s) { return s < state_.num_fixed; };
+    const Index first = patch.front();
+    patch.erase(std::remove_if(patch.begin(), patch.end(), is_fixed), patch.end());
+    if (!patch.empty()) return;
+    std::vector<Index> free;
+    for (const StarReader::Pair& pair : state_.reader.read(first)) {
+      std::copy_if(pair.begin(), pair.end(), std::back_inserter(free), [&](Index s) { return !is_fixed(s); });
+    }
+    if (!free.empty()) patch.push_back(free[state_.rng.below(free.size())]);
   }
 
   /// Of the edit so far; reads the stars it affects, for keep().
@@ -372,10 +394,10 @@ class TimeEstimate {
 /// The schedule.
 class Optimizer {
  public:
-  Optimizer(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeOptions& options, double min_angle,
-            double max_angle, const Execution& execution)
+  Optimizer(RestrictedPowerDiagram& diagram, const SampleSet& samples, const OptimizeSurface& surface,
+            const OptimizeOptions& options, double min_angle, double max_angle, const Execution& execution)
       : execution_(execution),
-        state_(diagram, samples, options, min_angle, max_angle, execution.part(0, kSetUpShare)),
+        state_(diagram, samples, surface, options, min_angle, max_angle, execution.part(0, kSetUpShare)),
         refiller_(state_),
         estimate_(min_angle, max_angle),
         num_given_(samples.size()) {}
@@ -615,6 +637,7 @@ void require_optimize_options(const OptimizeOptions& options) {
   }
   if (options.max_iterations < 0)
     fail("max_iterations is " + std::to_string(options.max_iterations) + "; it must be at least 0");
+  require_neighborhood(options.neighborhood, options.conflict_rule);
   if (options.refills < 1) fail("refills is " + std::to_string(options.refills) + "; it must be at least 1");
 }
 
@@ -651,12 +674,12 @@ double optimization_cost(const OptimizeOptions& options, double samples, bool un
   return samples * std::max(kMinCost, kUsualCost * std::exp(kGrowthPerDegree * (tightness_of(low, high) - kUsualTightness)));
 }
 
-OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samples, const OptimizeOptions& options,
-                                std::vector<Index>& ids) {
+OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samples, const OptimizeSurface& surface,
+                                const OptimizeOptions& options, std::vector<Index>& ids) {
   require_optimize_options(options);
   const Execution execution = options.execution.start("improving triangles");
   const auto [min_angle, max_angle] = bounds_of(options, radii_of(options, samples).uniform());
-  Optimizer optimizer(diagram, samples, options, min_angle, max_angle, execution);
+  Optimizer optimizer(diagram, samples, surface, options, min_angle, max_angle, execution);
   OptimizeReport report = optimizer.run();
   optimizer.write_samples(samples, ids);
   if (report.status != Outcome::kCancelled) execution.finish();
@@ -669,26 +692,32 @@ namespace {
 void optimize_or_fill(const MeshView& mesh, const SampleSet& samples, OptimizeOptions options, const Execution& execution,
                       OptimizeResult& result) {
   std::vector<Index> ids;
-  RestrictedPowerDiagram diagram = diagram_of(mesh, samples, execution.part(0, 0.25));
-  if (!has_gaps(diagram, execution.part(0.25, 0.27))) {
+  require_sample_set(samples);
+  const double max_radius = radii_of(options, samples).max_of_set();
+  SetDiagram set = diagram_of(mesh, samples, options.neighborhood, max_radius, execution.part(0, 0.25));
+  OptimizeSurface surface;
+  surface.disks = set.disks.get();
+  if (!has_gaps(set.diagram, execution.part(0.25, 0.27))) {
     options.execution = execution.part(0.27, 1);
     result.samples = samples;
-    result.report = optimize_diagram(diagram, result.samples, options, ids);
+    result.report = optimize_diagram(set.diagram, result.samples, surface, options, ids);
     return;
   }
   SamplingOptions filling;
   filling.sizing = options.sizing;
   filling.conflict_rule = options.conflict_rule;
   filling.seed = options.seed;
+  filling.neighborhood = options.neighborhood;
   filling.execution = execution.part(0.27, 0.5);
   SamplingResult filled = fill_gaps(mesh, samples, filling);
   result.samples = std::move(filled.samples);
   const Index num_filled = result.samples.size();
   result.report.added = num_filled - samples.size();
   if (filled.status == Outcome::kCancelled) return;
-  diagram = diagram_of(mesh, result.samples, execution.part(0.5, 0.6));
+  set = diagram_of(mesh, result.samples, options.neighborhood, max_radius, execution.part(0.5, 0.6));
+  surface.disks = set.disks.get();
   options.execution = execution.part(0.6, 1);
-  result.report = optimize_diagram(diagram, result.samples, options, ids);
+  result.report = optimize_diagram(set.diagram, result.samples, surface, options, ids);
   const auto first_new = ids.begin() + (num_filled - result.report.removed);
   const auto kept = static_cast<Index>(std::count_if(ids.begin(), first_new, [&](Index s) { return s < samples.size(); }));
   result.report.removed = samples.size() - kept;

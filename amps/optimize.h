@@ -45,6 +45,8 @@ struct OptimizeOptions {
   /// That of the set: new samples obey it too.
   ConflictRule conflict_rule = ConflictRule::kMax;
   /// Threads, progress and cancelling. The result does not depend on the threads.
+  /// Default: kSpace.
+  Neighborhood neighborhood = Neighborhood::kDefault;
   Execution execution;
 };
 
@@ -93,6 +95,9 @@ void write_convergence(std::ostream& out, const OptimizeReport& report);
 
 namespace detail {
 
+class CapField;
+class DiskSet;
+
 void require_optimize_options(const OptimizeOptions& options);
 
 /// Samples that optimisation adds, relative to those there are: measured, good to 0.01.
@@ -101,10 +106,17 @@ double expected_growth(const OptimizeOptions& options, bool uniform);
 /// Microseconds that optimisation takes for so many samples, roughly: for foreseeing time only.
 double optimization_cost(const OptimizeOptions& options, double samples, bool uniform);
 
-/// optimize() on a diagram of exactly these samples. Both are edited; a site that is removed leaves its id unused. `ids` (out):
+/// What the samples know of their surface. By default nothing: disks are balls.
+struct OptimizeSurface {
+  DiskSet* disks = nullptr;  ///< the samples' disks, which know their surface; edited as the samples are
+  std::shared_ptr<const CapField> caps;  ///< bounds of wanted radii, beside curves
+  Index num_fixed = 0;       ///< so many samples, the first ones, lie on curves: they stay, and may have any valence
+};
+
+/// optimize() on a diagram of exactly these samples. All are edited; a site that is removed leaves its id unused. `ids` (out):
 /// of the samples there are in the end. Cancelled before it has begun, it throws Error(kCancelled), and nothing has changed.
-OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samples, const OptimizeOptions& options,
-                                std::vector<Index>& ids);
+OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samples, const OptimizeSurface& surface,
+                                const OptimizeOptions& options, std::vector<Index>& ids);
 
 }  // namespace detail
 

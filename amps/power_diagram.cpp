@@ -51,7 +51,11 @@ struct RestrictedPowerDiagram::Batch {
 
 RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
                                                const Execution& execution)
-    : mesh_(mesh) {
+    : RestrictedPowerDiagram(mesh, sites, weights, nullptr, execution) {}
+
+RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
+                                               const detail::ReachLists* reach, const Execution& execution)
+    : mesh_(mesh), reach_lists_(reach) {
   const Execution run = execution.start();
   require_usable(mesh);
   if (sites.rows() == 0) throw Error(ErrorCode::kInvalidArgument, "restricted power diagram: no sites; give at least one");
@@ -65,7 +69,8 @@ RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const Point
     first_of_site_.assign(static_cast<std::size_t>(sites.rows()), kNone);
     first_of_facet_.assign(slot(mesh_.num_facets()), kNone);
     measure_facets(dividing.part(0, 0.05));
-    build(dividing.part(0.05, 1));
+    build(dividing.part(0.05, reach_lists_ == nullptr ? 1 : 0.9));
+    if (reach_lists_ != nullptr) find_local_facets(dividing.part(0.9, 1));
   });
   if (complete) {
     run.finish();
@@ -82,6 +87,8 @@ void RestrictedPowerDiagram::clear() {
   labels_ = {};
   first_of_site_ = first_of_facet_ = {};
   facet_error_ = reach_ = {};
+  local_ = {};
+  site_grid_ = {};
   num_fragments_ = num_guards_ = 0;
   status_ = Outcome::kCancelled;
 }
@@ -122,6 +129,7 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesVi
       low = low.cwiseMin(x);
       high = high.cwiseMax(x);
       min_weight_ = std::min(min_weight_, weights[s]);
+      max_weight_ = std::max(max_weight_, weights[s]);
       positions[static_cast<std::size_t>(kSentinels + s)] = x;
       all_weights[static_cast<std::size_t>(kSentinels + s)] = weights[s];
     }
@@ -322,6 +330,7 @@ void RestrictedPowerDiagram::update_reach(Index s) {
 
 double RestrictedPowerDiagram::reach(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
+  if (fragment.site == kNone) return INFINITY;
   const WeightedPoint& owner = site(fragment.site);
   const Vec3 offset(fragment.centre[0] - owner.x, fragment.centre[1] - owner.y, fragment.centre[2] - owner.z);
   return (offset.norm() + fragment.radius) * (1 + detail::kOffsetSlack) + largest_facet_error_;
@@ -410,14 +419,16 @@ RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
 /// Puts a fragment at the head of its two lists.
 void RestrictedPowerDiagram::link(Index f) {
   Fragment& fragment = fragments_[slot(f)];
-  Index& of_site = first_of_site_[slot(fragment.site)];
   Index& of_facet = first_of_facet_[slot(fragment.facet)];
-  fragment.next_of_site = of_site;
   fragment.next_of_facet = of_facet;
-  fragment.previous_of_site = fragment.previous_of_facet = kNone;
-  if (of_site != kNone) fragments_[slot(of_site)].previous_of_site = f;
+  fragment.next_of_site = fragment.previous_of_site = fragment.previous_of_facet = kNone;
   if (of_facet != kNone) fragments_[slot(of_facet)].previous_of_facet = f;
-  of_site = of_facet = f;
+  of_facet = f;
+  if (fragment.site == kNone) return;
+  Index& of_site = first_of_site_[slot(fragment.site)];
+  fragment.next_of_site = of_site;
+  if (of_site != kNone) fragments_[slot(of_site)].previous_of_site = f;
+  of_site = f;
 }
 
 void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper) {
@@ -450,15 +461,17 @@ void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper
   link(f);
   ++num_fragments_;
   changed_.push_back(f);
-  changed_sites_.push_back(site);
+  if (site != kNone) changed_sites_.push_back(site);
 }
 
 /// The slot keeps its room in the pools for its next use.
 void RestrictedPowerDiagram::free_fragment(Index f) {
   Fragment& fragment = fragments_[slot(f)];
-  (fragment.previous_of_site == kNone ? first_of_site_[slot(fragment.site)]
-                                      : fragments_[slot(fragment.previous_of_site)].next_of_site) = fragment.next_of_site;
-  if (fragment.next_of_site != kNone) fragments_[slot(fragment.next_of_site)].previous_of_site = fragment.previous_of_site;
+  if (fragment.site != kNone) {
+    (fragment.previous_of_site == kNone ? first_of_site_[slot(fragment.site)]
+                                        : fragments_[slot(fragment.previous_of_site)].next_of_site) = fragment.next_of_site;
+    if (fragment.next_of_site != kNone) fragments_[slot(fragment.next_of_site)].previous_of_site = fragment.previous_of_site;
+  }
   (fragment.previous_of_facet == kNone ? first_of_facet_[slot(fragment.facet)]
                                        : fragments_[slot(fragment.previous_of_facet)].next_of_facet) = fragment.next_of_facet;
   if (fragment.next_of_facet != kNone) fragments_[slot(fragment.next_of_facet)].previous_of_facet = fragment.previous_of_facet;
@@ -498,12 +511,14 @@ void RestrictedPowerDiagram::compact_pools(const Execution* execution) {
 }
 
 int RestrictedPowerDiagram::power_at_corner(const Polygon& polygon, Index k) const {
+  if (polygon.site == kNone) return 1;
   const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
   const int side = filter.side(polygon.corners[k]);
   return side != 0 ? side : exact_power_at_corner(polygon, k);
 }
 
 bool RestrictedPowerDiagram::covered(const Polygon& polygon) const {
+  if (polygon.site == kNone) return false;
   const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
   for (Index k = 0; k < polygon.size; ++k) {
     int side = filter.side(polygon.corners[k]);
@@ -583,7 +598,7 @@ std::vector<double> RestrictedPowerDiagram::cell_areas(const Execution& executio
   std::vector<double> area(slot(num_sites()), 0.0);
   detail::for_each_piece(fragments_.size(), detail::kElementsPerLook, run, [&](std::size_t begin, std::size_t end) {
     for (Index f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
-      if (alive(f)) area[slot(fragments_[slot(f)].site)] += polygon(f).area();
+      if (alive(f) && fragments_[slot(f)].site != kNone) area[slot(fragments_[slot(f)].site)] += polygon(f).area();
     }
   });
   run.finish();
@@ -621,8 +636,20 @@ std::string RestrictedPowerDiagram::find_violation(const Execution& execution) c
       const Polygon q = polygon(twin);
       if (std::count(q.labels, q.labels + q.size, p.site) != 1) return name(f) + ": label not mutual";
     }
+    if (p.site == kNone) {
+      list_local_sites(p.facet, around);
+      if (!local(p.facet) || !around.empty()) return name(f) + ": no owner, but sites reach the facet";
+      continue;
+    }
     // Clipping again by every neighbour must cut nothing off.
-    neighbors(p.site, around);
+    if (local(p.facet)) {
+      if (!reach_lists_->reaches(p.site, p.facet)) return name(f) + ": its owner does not reach the facet";
+      list_local_sites(p.facet, around);
+      around.erase(std::find(around.begin(), around.end(), p.site));
+    } else {
+      if (reach_lists_ != nullptr && is_foreign(f)) return name(f) + ": its owner's ball meets it, but does not reach the facet";
+      neighbors(p.site, around);
+    }
     clipper.load(p);
     for (const Index other : around) {
       if (std::find(p.labels, p.labels + p.size, other) == p.labels + p.size && clipper.clip(other)) {

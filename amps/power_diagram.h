@@ -12,6 +12,11 @@
 // at every vertex inside a facet. Coordinates are derived for output and measures only; all fragments at a vertex have the same
 // bits.
 //
+// Over disks that know their surface (DESIGN: reach) each facet is divided among the sites that reach it alone. Where all owners
+// in the diagram of all sites do, that diagram is right as it is: all but thin sheets, tight folds and sharp creases. There, a
+// facet is *local*: its fragments are clipped by the sites that reach it. A facet that none of them reaches is one fragment
+// without an owner.
+//
 // Const members that take an Execution throw Error(kCancelled) when cancelled.
 //
 // Thread-safety: const members may be called concurrently.
@@ -20,6 +25,8 @@
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
+#include "amps/reach.h"
+#include "amps/site_grid.h"
 #include "amps/triangulation.h"
 
 #include <cmath>
@@ -39,7 +46,7 @@ class RestrictedPowerDiagram {
   /// facet's own orientation. The view is valid until the next edit.
   struct Polygon {
     Index facet = kNone;
-    Index site = kNone;
+    Index site = kNone;  ///< kNone: no site reaches the facet
     const Vec3* corners = nullptr;
     const Index* labels = nullptr;
     Index size = 0;
@@ -54,6 +61,11 @@ class RestrictedPowerDiagram {
   /// Expected O(n log n + #fragments); facets are split over the threads of `execution`, with the same result for any number.
   RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
                          const Execution& execution = {});
+
+  /// The same over disks that know their surface: `reach` (null: as above) lists the facets that each site reaches, before it
+  /// enters by any member below, and until it is removed. It must outlive the diagram.
+  RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
+                         const detail::ReachLists* reach, const Execution& execution);
 
   /// kCancelled if the constructor was. The diagram then has no sites and no fragments, and is good for nothing but to be
   /// assigned to: insert() throws Error(kCancelled), the other edits find no site.
@@ -74,13 +86,18 @@ class RestrictedPowerDiagram {
   bool alive(Index f) const { return fragments_[static_cast<std::size_t>(f)].size != 0; }
   Polygon polygon(Index f) const;
 
+  /// Is the facet divided among the sites that reach it, and not as the diagram of all sites is? Once it is, it stays so.
+  bool local(Index facet) const { return !local_.empty() && local_[static_cast<std::size_t>(facet)] != 0; }
+  const detail::ReachLists* reach_lists() const { return reach_lists_; }
+
   /// The fragments of a site (of a facet), as a linked list ending with kNone.
   Index first_of_site(Index s) const { return first_of_site_[static_cast<std::size_t>(s)]; }
   Index next_of_site(Index f) const { return fragments_[static_cast<std::size_t>(f)].next_of_site; }
   Index first_of_facet(Index facet) const { return first_of_facet_[static_cast<std::size_t>(facet)]; }
   Index next_of_facet(Index f) const { return fragments_[static_cast<std::size_t>(f)].next_of_facet; }
 
-  /// An upper bound of the distance from a fragment's site to the fragment's corners, without a look at the corners. O(1).
+  /// An upper bound of the distance from a fragment's site to the fragment's corners, without a look at the corners; infinite
+  /// without a site. O(1).
   double reach(Index f) const;
 
   /// Is the owner's ball (radius² = weight, closed) without corner k of the fragment? +1 yes, 0 the corner lies on the sphere,
@@ -199,9 +216,11 @@ class RestrictedPowerDiagram {
   std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper);
   void prefetch_polygon(Index f) const;
   void prefetch_facet_corners(Index facet) const;
+  std::uint32_t new_stamp();
   std::vector<Index> link_of(Index s);
   Index hint_cell(Index near) const;
   void take_cell(Index s, const std::vector<Index>& around);
+  void retake_cell(Index s);
   void add_uncovered(std::vector<Index>& candidates);
   void divide_cell(Index s, const std::vector<Index>& candidates);
   void divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper, std::vector<Index>& owners);
@@ -209,9 +228,30 @@ class RestrictedPowerDiagram {
   Index owner_of_corner(Index facet, const std::vector<Index>& among) const;
   Index fragment_of(Index facet, Index site) const;
   void finish_edit();
+
+  // Local facets (power_diagram_local.cpp).
+  void find_local_facets(const Execution& execution);
+  bool is_foreign(Index f) const;
+  void localize_foreign(Index owner);
+  void localize(Index facet);
+  void divide_locally(Index facet);
+  void clip_locally(Index facet, Index owner, Clipper& clipper) const;
+  void enter_local_facets(Index s);
+  void enter_local_facet(Index facet, Index s, Clipper& clipper);
+  void leave_local_facets(Index s);
+  void give_local_facets_away(Index s);
+  void find_local_candidates(Index f, std::vector<Index>& candidates) const;
+  void list_local_sites(Index facet, std::vector<Index>& sites) const;
+  bool takes_part(Index s) const;
+  void add_ownerless_fragment(Index facet);
+  void make_site_grid();
   void compact_pools(const Execution* execution = nullptr);
 
   MeshView mesh_;
+  const detail::ReachLists* reach_lists_ = nullptr;  ///< null: disks are balls
+  std::vector<char> local_;                          ///< by facet; empty where disks are balls
+  detail::SiteGrid site_grid_;  ///< of all sites that are not removed, once a facet has needed it
+  double max_weight_ = -INFINITY;
   RegularTriangulation triangulation_;
   std::vector<Fragment> fragments_;
   std::vector<Index> free_fragments_;
@@ -230,7 +270,7 @@ class RestrictedPowerDiagram {
   Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
   std::vector<Index> changed_, changed_sites_;
-  std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of link_of
+  std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of edits
   std::uint32_t last_stamp_ = 0;
   double seconds_triangulation_ = 0;
   Outcome status_ = Outcome::kDone;

@@ -87,6 +87,11 @@ class RestrictedPowerDiagram::Clipper {
   /// The whole facet, owned by `site`.
   void start(Index site) {
     set_owner(site);
+    start_ownerless();
+  }
+
+  /// The whole facet, owned by nobody; not to be clipped.
+  void start_ownerless() {
     corners_.clear();
     labels_.clear();
     for (int c = 0; c < 3; ++c) {
@@ -167,6 +172,14 @@ class RestrictedPowerDiagram::Clipper {
   }
 
   bool empty() const { return corners_.empty(); }
+
+  /// No plane at a greater offset from the owner reaches the polygon.
+  double security_radius() const {
+    double farthest = 0;
+    for (const Vec3& x : corners_) farthest = std::max(farthest, (x - owner_position_).squaredNorm());
+    return std::sqrt(farthest) * (1 + detail::kOffsetSlack) + position_error_;
+  }
+
   const std::vector<Vec3>& corners() const { return corners_; }
   const std::vector<Index>& labels() const { return labels_; }
 
@@ -176,12 +189,6 @@ class RestrictedPowerDiagram::Clipper {
   void set_owner(Index site) {
     owner_ = &diagram_.site(site);
     owner_position_ = owner_->position();
-  }
-
-  double security_radius() const {
-    double farthest = 0;
-    for (const Vec3& x : corners_) farthest = std::max(farthest, (x - owner_position_).squaredNorm());
-    return std::sqrt(farthest) * (1 + detail::kOffsetSlack) + position_error_;
   }
 
   int exact_side(std::size_t k, const WeightedPoint& site) const {

@@ -27,6 +27,8 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
   changed_.clear();
   changed_sites_.clear();
   if (visible(s)) take_cell(s, triangulation_.neighbors_of_last_insertion());
+  if (reach_lists_ != nullptr) enter_local_facets(s);
+  finish_edit();
   return s;
 }
 
@@ -39,7 +41,13 @@ void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weig
   num_guards_ += is_guard(s);
   changed_.clear();
   changed_sites_.clear();
-  if (!visible(s)) return;
+  if (visible(s)) retake_cell(s);
+  if (reach_lists_ != nullptr) enter_local_facets(s);
+  finish_edit();
+}
+
+/// Gives a site that has been put back its cell.
+void RestrictedPowerDiagram::retake_cell(Index s) {
   std::vector<Index> around = link_of(s);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     const WeightedPoint &p = site(s), &q = triangulation_.point(v);
@@ -49,7 +57,6 @@ void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weig
     around.push_back(s);
     reach_[slot(s)] = 0;
     divide_cell(v - kSentinels, around);
-    finish_edit();
     return;
   }
   take_cell(s, around);
@@ -90,7 +97,6 @@ void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around
     add_fragment(facet, s, clipper);
   }
   update_reach(s);
-  finish_edit();
 }
 
 void RestrictedPowerDiagram::finish_edit() {
@@ -109,6 +115,7 @@ void RestrictedPowerDiagram::find_touched(Index site, Index by, std::vector<Inde
   const double error = largest_facet_error_, slope = filter.slope();
   for (Index f = first_of_site(site); f != kNone; f = next_of_site(f)) {
     const Fragment& fragment = fragments_[slot(f)];
+    if (local(fragment.facet)) continue;
     if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error, slope))
       continue;
     touched.push_back(f);
@@ -159,16 +166,21 @@ void RestrictedPowerDiagram::prefetch_facet_corners(Index facet) const {
   for (int c = 0; c < 3; ++c) detail::prefetch(mesh_.vertices.address(mesh_.triangles(facet, c)));
 }
 
-/// The neighbours of a visible site, vertices of the triangulation.
-std::vector<Index> RestrictedPowerDiagram::link_of(Index s) {
-  std::vector<Index> star, link;
-  triangulation_.incident_cells(s + kSentinels, star);
+/// A mark that no entry of stamp_ has.
+std::uint32_t RestrictedPowerDiagram::new_stamp() {
   stamp_.resize(slot(triangulation_.num_vertices()), 0);
   if (++last_stamp_ == 0) {
     std::fill(stamp_.begin(), stamp_.end(), 0u);
     last_stamp_ = 1;
   }
-  stamp_[slot(s + kSentinels)] = last_stamp_;
+  return last_stamp_;
+}
+
+/// The neighbours of a visible site, vertices of the triangulation.
+std::vector<Index> RestrictedPowerDiagram::link_of(Index s) {
+  std::vector<Index> star, link;
+  triangulation_.incident_cells(s + kSentinels, star);
+  stamp_[slot(s + kSentinels)] = new_stamp();
   for (const Index c : star) {
     for (const Index v : triangulation_.cell(c).vertex) {
       if (v == RegularTriangulation::kInfinite || stamp_[slot(v)] == last_stamp_) continue;
@@ -203,12 +215,14 @@ void RestrictedPowerDiagram::remove(Index s) {
   if (had_cell) candidates = link_of(s);
   const Index hidden = triangulation_.num_hidden();
   triangulation_.remove(s + kSentinels);
-  if (!had_cell) return;
-  if (triangulation_.num_hidden() != hidden) add_uncovered(candidates);
-  candidates.erase(std::remove_if(candidates.begin(), candidates.end(), [](Index v) { return v < kSentinels; }),
-                   candidates.end());
-  for (Index& candidate : candidates) candidate -= kSentinels;
-  divide_cell(s, candidates);
+  if (had_cell) {
+    if (triangulation_.num_hidden() != hidden) add_uncovered(candidates);
+    candidates.erase(std::remove_if(candidates.begin(), candidates.end(), [](Index v) { return v < kSentinels; }),
+                     candidates.end());
+    for (Index& candidate : candidates) candidate -= kSentinels;
+    divide_cell(s, candidates);
+  }
+  if (reach_lists_ != nullptr) leave_local_facets(s);
   finish_edit();
 }
 
@@ -256,6 +270,7 @@ void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& candidates) {
 void RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& candidates) {
   std::vector<Index> left, possible_owners, owners;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
+    if (local(fragments_[slot(f)].facet)) continue;
     left.push_back(f);
     prefetch_polygon(f);
     detail::prefetch(&first_of_facet_[slot(fragments_[slot(f)].facet)]);
@@ -337,6 +352,7 @@ void RestrictedPowerDiagram::divide_fragment(Index f, const std::vector<Index>& 
       changed_.push_back(grown);
       changed_sites_.push_back(owner);
     }
+    if (local(left.facet)) continue;  // what an edit looks for by reach_ are others
     const double farthest = reach(grown == kNone ? changed_.back() : grown);
     double& known = reach_[slot(owner)];
     if (farthest > known || std::isnan(farthest)) known = farthest;

@@ -38,8 +38,8 @@ Proposal RefillFinder::find(const BadItem& item, Rng rng) {
   bool copied = true;
   best_gain_ = kMinGain;
   all_good_ = false;
-  const std::size_t corners = item.is_vertex() ? 1 : 3;
-  std::array<Index, 3> corner = {item.a, item.b, item.c};
+  std::array<Index, 3> corner;
+  const std::size_t corners = corners_to_move(item, rng, corner);
   for (std::size_t k = corners; k > 1; --k) std::swap(corner[k - 1], corner[rng.below(k)]);
   // Small patches first: they cost least to try and to carry out.
   for (std::size_t k = 0; k < corners && !all_good_; ++k) {
@@ -57,6 +57,7 @@ Proposal RefillFinder::find(const BadItem& item, Rng rng) {
     copied = try_patch(rng) && copied;
     if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
   }
+  if (corners == 0) return std::move(proposal_);
   removed_.assign(corner.begin(), corner.begin() + static_cast<std::ptrdiff_t>(corners));
   const int neighbors = corners == 1 || rng.below(2) == 0 ? 2 : 0;
   for (int k = 0; k < neighbors; ++k) add_random_neighbor(rng);
@@ -66,11 +67,30 @@ Proposal RefillFinder::find(const BadItem& item, Rng rng) {
   return std::move(proposal_);
 }
 
+/// The corners of an item that may be taken out; where all are fixed, up to three of their neighbours that may.
+std::size_t RefillFinder::corners_to_move(const BadItem& item, Rng& rng, std::array<Index, 3>& corner) const {
+  std::size_t count = 0;
+  for (const Index s : {item.a, item.b, item.c}) {
+    if (s != kNone && s >= num_fixed_) corner[count++] = s;
+  }
+  if (count > 0) return count;
+  constexpr int kDraws = 12;
+  for (int draw = 0; draw < kDraws && count < corner.size(); ++draw) {
+    const Index at = item.is_vertex() ? item.a : std::array<Index, 3>{item.a, item.b, item.c}[rng.below(3)];
+    const DualStar& star = stars_.star[slot(at)];
+    if (star.size == 0) continue;
+    const Index s = star.ring[rng.below(static_cast<std::uint64_t>(star.size))];
+    const auto end = corner.begin() + static_cast<std::ptrdiff_t>(count);
+    if (s >= num_fixed_ && std::find(corner.begin(), end, s) == end) corner[count++] = s;
+  }
+  return count;
+}
+
 void RefillFinder::add_random_neighbor(Rng& rng) {
   const DualStar& star = stars_.star[slot(removed_[rng.below(removed_.size())])];
   if (star.size == 0) return;
   const Index s = star.ring[rng.below(static_cast<std::uint64_t>(star.size))];
-  if (std::find(removed_.begin(), removed_.end(), s) == removed_.end()) removed_.push_back(s);
+  if (s >= num_fixed_ && std::find(removed_.begin(), removed_.end(), s) == removed_.end()) removed_.push_back(s);
 }
 
 /// Several refills of the gap that removed_ leave; the best becomes the proposal if it is an improvement. False if the patch

@@ -65,16 +65,23 @@ class NearbyDisks {
 /// Looks for refills that improve what is around a bad item. One per thread; what it is given must outlive it.
 class RefillFinder {
  public:
-  /// `refills`: tried of each patch.
+  /// `refills`: tried of each patch. Samples below `num_fixed` stay.
   RefillFinder(const RestrictedPowerDiagram& diagram, const DualStars& stars, const DualRating& rating,
-               const WantedRadii& radii, int refills)
-      : diagram_(diagram), stars_(stars), radii_(radii), refills_(refills), patch_(rating), trial_(rating) {}
+               const WantedRadii& radii, int refills, Index num_fixed = 0)
+      : diagram_(diagram),
+        stars_(stars),
+        radii_(radii),
+        refills_(refills),
+        num_fixed_(num_fixed),
+        patch_(rating),
+        trial_(rating) {}
 
   /// kInPlace is the answer where nothing is found and a patch could not be copied (boundaries).
   Proposal find(const BadItem& item, Rng rng);
 
  private:
   void add_random_neighbor(Rng& rng);
+  std::size_t corners_to_move(const BadItem& item, Rng& rng, std::array<Index, 3>& corner) const;
   bool try_patch(Rng& rng);
   bool copy_patch();
   int local(Index s);
@@ -92,6 +99,7 @@ class RefillFinder {
   const DualStars& stars_;
   const WantedRadii& radii_;
   int refills_;
+  Index num_fixed_;
   double best_gain_ = 0;
   bool all_good_ = false;  ///< nothing is bad in the patch any more, and no sample has been added: no need to look further
   Proposal proposal_;

@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/remesh.h"
 
+#include "amps/disk_set.h"
 #include "amps/mesh_edges.h"
 #include "amps/power_diagram.h"
 #include "amps/wanted_radii.h"
@@ -155,18 +156,19 @@ TopologyReport surface_topology(const MeshView& mesh, const Execution& execution
 }
 
 /// Measures the result, except what was measured on the way.
-void measure(const MeshView& mesh, const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution,
+void measure(const MeshView& mesh, const SamplingRun& run, ConflictRule rule, const Execution& execution,
              RemeshResult& result) {
   result.report.input = surface_topology(mesh, execution.part(0, 0.05));
   result.report.output = topology(result.mesh, execution.part(0.05, 0.3));
   result.report.quality = quality(result.mesh, execution.part(0.3, 0.5));
-  result.report.maximality = measure_maximality(diagram, rule, execution.part(0.5, 1));
+  result.report.maximality = measure_maximality(*run.diagram, rule, execution.part(0.5, 1),
+                                                run.disks->knows_surface() ? run.disks.get() : nullptr);
 }
 
 /// remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
 void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, const SamplingOptions& sampling,
                        const Execution& execution, const RemeshParts& parts, RemeshResult& result) {
-  SamplingRun run = sample_with_diagram(mesh, sampling);
+  SamplingRun run = sample_with_diagram(mesh, sampling, flood_of(mesh, sampling.neighborhood));
   result.samples = std::move(run.result.samples);
   result.report.sampling = run.result.report;
   if (run.result.status == Outcome::kCancelled) return;
@@ -180,7 +182,11 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, const
     optimization.conflict_rule = sampling.conflict_rule;
     optimization.seed = sampling.seed;
     optimization.execution = execution.part(parts.sampling, parts.optimization, "improving triangles");
-    result.report.optimization = optimize_diagram(*run.diagram, result.samples, optimization, ids);
+    OptimizeSurface surface;
+    if (run.disks->knows_surface()) surface.disks = run.disks.get();
+    surface.caps = run.caps;
+    surface.num_fixed = run.num_fixed;
+    result.report.optimization = optimize_diagram(*run.diagram, result.samples, surface, optimization, ids);
     status = std::max(status, result.report.optimization.status);
     result.report.seconds_optimize = watch.lap();
     if (status == Outcome::kCancelled) return;
@@ -189,7 +195,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, const
   Triangles triangles = restricted_triangles(*run.diagram, ids, extracting);
   result.mesh = {result.samples.positions, std::move(triangles)};
   result.report.seconds_remesh = watch.lap();
-  measure(mesh, *run.diagram, sampling.conflict_rule, execution.part(parts.extraction, 1, "measuring the result"), result);
+  measure(mesh, run, sampling.conflict_rule, execution.part(parts.extraction, 1, "measuring the result"), result);
   result.report.seconds_report = watch.lap();
   result.status = status;
 }
@@ -197,10 +203,11 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, const
 }  // namespace
 }  // namespace detail
 
-Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution) {
+Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution,
+                              Neighborhood neighborhood) {
   const Execution run = execution.start();
-  const RestrictedPowerDiagram diagram = detail::diagram_of(mesh, samples, run.part(0, 0.9));
-  Mesh result{samples.positions, detail::restricted_triangles(diagram, {}, run.part(0.9, 1, "listing triangles"))};
+  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9));
+  Mesh result{samples.positions, detail::restricted_triangles(set.diagram, {}, run.part(0.9, 1, "listing triangles"))};
   run.finish();
   return result;
 }
@@ -213,6 +220,10 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
       const double growth = detail::expected_growth(options.optimization, detail::is_one_radius(sampling.sizing));
       sampling.target_count = std::max(Index{1}, static_cast<Index>(sampling.target_count / (1 + growth) + 0.5));
     }
+  }
+  if (sampling.neighborhood == Neighborhood::kDefault) {
+    const bool by_max = sampling.conflict_rule == ConflictRule::kMax;
+    sampling.neighborhood = by_max ? Neighborhood::kSurface : Neighborhood::kSpace;
   }
   const Execution execution = sampling.execution.start();
   require_usable(mesh);

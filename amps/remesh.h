@@ -58,6 +58,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 /// result has evenly many triangles, for any set: the dual of a closed surface has no boundary. Oriented as the surface under it,
 /// then made consistent across manifold edges by majority per component, so inputs with flipped facets come out right wherever
 /// the output is orientable. Cancelled, it throws Error(kCancelled).
-Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {});
+Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
+                              Neighborhood neighborhood = Neighborhood::kSpace);
 
 }  // namespace amps

@@ -18,24 +18,25 @@ void sort_each_once(std::vector<Index>& ids) {
 
 }  // namespace
 
-EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, VoxelGrid grid,
+EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, DiskSet& disks,
                                  const Execution& execution)
-    : diagram_(diagram), grid_(std::move(grid)) {
+    : diagram_(diagram), disks_(disks) {
   const auto n = slot(samples.size());
   samples_.reserve(n + n / 8);  // optimisation adds some hundredths
   alive_.assign(n, 1);
   is_new_.assign(n, 0);
+  const bool fresh = !disks.has_samples();
   Ticker ticker(execution, n, kEditableSamplesPerLook);
   for (Index s = 0; s < samples.size(); ++s) {
     ticker.tick();
     samples_.push_back(sample_of(samples, s));
-    grid_.insert(samples_.back().position(), samples_.back().radius, s);
+    if (fresh) disks_.insert(samples_.back(), s);
   }
 }
 
 bool EditableSamples::are_apart(const std::vector<Sample>& disks, ConflictRule rule) const {
   for (std::size_t k = 0; k < disks.size(); ++k) {
-    if (grid_.conflicting_sample(disks[k].position(), disks[k].radius, rule) != kNone) return false;
+    if (disks_.conflicting_sample(disks[k], rule) != kNone) return false;
     for (std::size_t j = 0; j < k; ++j) {
       if (!detail::are_apart(disks[k], disks[j], rule)) return false;
     }
@@ -84,7 +85,7 @@ SampleEdit::SampleEdit(EditableSamples& samples, const std::vector<Index>& remov
   for (const Index s : removed) {
     const Sample& sample = samples[s];
     change_.removed.push_back({s, sample, samples.is_new(s)});
-    samples.grid_.remove(sample.position(), sample.radius, s);
+    samples.disks_.remove(sample, s);
   }
 }
 
@@ -96,6 +97,7 @@ void SampleEdit::note_changed() {
 
 void SampleEdit::remove_site(Index s) {
   samples_.diagram_.remove(s);
+  samples_.disks_.forget_reach(s);
   samples_.alive_[slot(s)] = 0;
   note_changed();
 }
@@ -108,6 +110,7 @@ void SampleEdit::take_out() {
 Index SampleEdit::insert_site(const Sample& sample, Index near) {
   const double weight = sample.radius * sample.radius;
   if (samples_.free_.empty()) {
+    samples_.disks_.insert(sample, samples_.diagram_.num_sites());
     const Index s = samples_.diagram_.insert(sample.position(), weight, near);
     samples_.samples_.emplace_back();
     samples_.alive_.push_back(0);
@@ -116,6 +119,7 @@ Index SampleEdit::insert_site(const Sample& sample, Index near) {
   }
   const Index s = samples_.free_.back();
   samples_.free_.pop_back();
+  samples_.disks_.insert(sample, s);
   samples_.diagram_.reinsert(s, sample.position(), weight, near);
   return s;
 }
@@ -125,7 +129,6 @@ Index SampleEdit::enter(const Sample& sample, Index near) {
   samples_.samples_[slot(s)] = sample;
   samples_.alive_[slot(s)] = 1;
   samples_.is_new_[slot(s)] = 1;
-  samples_.grid_.insert(sample.position(), sample.radius, s);
   change_.added.push_back(s);
   note_changed();
   return s;
@@ -133,7 +136,7 @@ Index SampleEdit::enter(const Sample& sample, Index near) {
 
 void SampleEdit::withdraw() {
   for (const Index s : change_.added) {
-    samples_.grid_.remove(samples_[s].position(), samples_[s].radius, s);
+    samples_.disks_.remove(samples_[s], s);
     remove_site(s);
     samples_.free_.push_back(s);
   }
@@ -175,6 +178,7 @@ void SampleEdit::undo() {
   withdraw();
   for (const SampleChange::Removed& old : change_.removed) {
     const Sample& sample = old.sample;
+    samples_.disks_.insert(sample, old.id);
     if (!samples_.alive(old.id)) {
       samples_.diagram_.reinsert(old.id, sample.position(), sample.radius * sample.radius, near);
       note_changed();
@@ -182,7 +186,6 @@ void SampleEdit::undo() {
     samples_.samples_[slot(old.id)] = sample;
     samples_.alive_[slot(old.id)] = 1;
     samples_.is_new_[slot(old.id)] = old.is_new;
-    samples_.grid_.insert(sample.position(), sample.radius, old.id);
     near = old.id;
   }
 }

@@ -3,11 +3,11 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/disk_set.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
 #include "amps/samples.h"
-#include "amps/voxel_grid.h"
 #include "amps/wanted_radii.h"
 
 #include <utility>
@@ -19,12 +19,12 @@ namespace amps::detail {
 /// gone are used again. Const members may be called concurrently.
 class EditableSamples {
  public:
-  /// `diagram`: of exactly these samples, ids being rows; it must outlive this. `grid`: without samples yet, for all radii
-  /// there will be.
-  EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, VoxelGrid grid, const Execution& execution = {});
+  /// `diagram`: of exactly these samples, ids being rows; `disks`: these samples, of which the diagram uses the reach, or none
+  /// yet: then they are stored, for all radii there will be. Both must outlive this.
+  EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, DiskSet& disks, const Execution& execution = {});
 
   const RestrictedPowerDiagram& diagram() const { return diagram_; }
-  const VoxelGrid& grid() const { return grid_; }
+  const DiskSet& disks() const { return disks_; }
 
   /// Ids given out so far; some are not alive.
   Index size() const { return static_cast<Index>(alive_.size()); }
@@ -48,7 +48,7 @@ class EditableSamples {
   friend class SampleEdit;
 
   RestrictedPowerDiagram& diagram_;
-  VoxelGrid grid_;
+  DiskSet& disks_;
   std::vector<Sample> samples_;
   std::vector<char> alive_, is_new_;
   std::vector<Index> free_;  ///< ids to be used again

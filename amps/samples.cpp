@@ -16,6 +16,13 @@ SurfacePoint surface_point_below(const MeshView& mesh, Index facet, const Vec3& 
   return surface_point_at(mesh, facet, weight / weight.sum());
 }
 
+void require_neighborhood(Neighborhood neighborhood, ConflictRule rule) {
+  if (neighborhood != Neighborhood::kSurface || rule == ConflictRule::kMax) return;
+  throw Error(ErrorCode::kInvalidArgument,
+              "samples: disks that know their surface keep apart by the max rule only; set Neighborhood::kSpace for "
+              "ConflictRule::kMin, or leave the rule");
+}
+
 void require_sample_set(const SampleSet& samples) {
   if (samples.size() == 0) throw Error(ErrorCode::kInvalidArgument, "samples: the set is empty; give at least one sample");
   if (samples.radii.size() != slot(samples.size())) {

@@ -39,6 +39,18 @@ enum class ConflictRule {
   kMin,
 };
 
+/// What a disk is.
+enum class Neighborhood {
+  /// As the function that is asked says.
+  kDefault,
+  /// The part of the surface in the ball around the sample: the paper's disks, which join sheets nearer than 2r, and close
+  /// cracks.
+  kSpace,
+  /// What of that is joined to the sample within the ball: sheets do not see each other's disks, however near they are. With
+  /// ConflictRule::kMax only.
+  kSurface,
+};
+
 namespace detail {
 
 /// Where a point of a mesh is. Law: position_of(mesh, at) == at.position, bit for bit, for each `at` made by the two functions
@@ -69,6 +81,9 @@ struct Sample {
   double radius = 0;
   const Vec3& position() const { return at.position; }
 };
+
+/// Throws Error(kInvalidArgument) for disks that know their surface under the min rule.
+void require_neighborhood(Neighborhood neighborhood, ConflictRule rule);
 
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
 /// barycentrics are given but not one a sample.

@@ -3,9 +3,9 @@
 
 #include "amps/count_model.h"
 #include "amps/darts.h"
+#include "amps/disk_set.h"
 #include "amps/gap_filling.h"
 #include "amps/spatial_sort.h"
-#include "amps/voxel_grid.h"
 #include "amps/wanted_radii.h"
 
 #include <algorithm>
@@ -64,6 +64,7 @@ constexpr std::uint64_t kDartsPerReport = 1024;
 constexpr std::size_t kDartsAhead = 16;
 
 void require_sampling_options(const SamplingOptions& options) {
+  require_neighborhood(options.neighborhood, options.conflict_rule);
   if (options.max_rejections < 1) {
     throw Error(ErrorCode::kInvalidArgument, "sampling: max_rejections is " + std::to_string(options.max_rejections) +
                                                  "; it must be at least 1 (the paper uses 300)");
@@ -120,13 +121,20 @@ WantedRadii wanted_radii(const SamplingOptions& options) {
 /// What both stages share: the mesh, the wanted radii, the samples so far and the grid that tells conflicts among them.
 struct SamplingTask {
   /// `box` holds all samples.
-  SamplingTask(const MeshView& m, const SamplingOptions& o, const WantedRadii& r, const Box& box, std::uint64_t seed)
-      : mesh(m), options(o), radii(r), grid(box, r.min_of_set(), r.max_of_set()), rng(seed) {
+  SamplingTask(const MeshView& m, const SamplingOptions& o, const WantedRadii& r, const Box& box,
+               std::shared_ptr<const SurfaceFlood> flood, std::uint64_t seed)
+      : mesh(m), options(o), radii(r), disks(std::make_shared<DiskSet>(box, r.min_of_set(), r.max_of_set(), std::move(flood))), rng(seed) {
     if (r.constant()) report.radius = r.min();
     report.seed = seed;
   }
+  /// In the first stage all disks are balls: over a surface that leaves gaps where sheets are near each other, which the second
+  /// stage fills; and nothing needs to be known of their reach until they lie in the order of a curve.
+  void add_dart(const Sample& sample) {
+    disks->insert_ball(sample, set.size());
+    set.add(sample);
+  }
   void add(const Sample& sample) {
-    grid.insert(sample.position(), sample.radius, set.size());
+    disks->insert(sample, set.size());
     set.add(sample);
   }
   /// Samples get new numbers, in the order of a curve: what follows reaches for neighbours in space, which now are neighbours
@@ -135,12 +143,12 @@ struct SamplingTask {
     Stopwatch watch;
     const std::vector<Index> order = curve_order(set.points(), execution.part(0, 0.5));
     set.reorder(order, execution.part(0.5, 0.65));
-    grid = VoxelGrid(box, radii.min_of_set(), radii.max_of_set());
+    disks->clear(box, radii.min_of_set(), radii.max_of_set());
     constexpr std::size_t kSamplesPerPiece = 8192;
     for_each_piece(slot(set.size()), kSamplesPerPiece, execution.part(0.65, 1), [&](std::size_t begin, std::size_t end) {
       for (std::size_t s = begin; s < end; ++s) {
         const auto id = static_cast<Index>(s);
-        grid.insert(set.position(id), set.radii()[s], id);
+        disks->insert(set[id], id);
       }
     });
     report.seconds_darts += watch.lap();
@@ -149,7 +157,7 @@ struct SamplingTask {
   const MeshView& mesh;
   const SamplingOptions& options;
   const WantedRadii& radii;
-  VoxelGrid grid;
+  std::shared_ptr<DiskSet> disks;
   Rng rng;  ///< one sequence for both stages: gap darts must not repeat the random numbers of the first darts
   GrowingSet set;
   SamplingReport report;
@@ -174,15 +182,15 @@ void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected, c
   for (int rejections = 0;;) {
     for (Thrown& next : thrown) {
       next = {darts.draw(rng), rng};
-      task.grid.prefetch_voxel(next.dart.position(), next.dart.radius);
+      task.disks->grid().prefetch_voxel(next.dart.position(), next.dart.radius);
     }
-    for (const Thrown& next : thrown) task.grid.prefetch_samples(next.dart.position(), next.dart.radius);
+    for (const Thrown& next : thrown) task.disks->grid().prefetch_samples(next.dart.position(), next.dart.radius);
     for (const Thrown& next : thrown) {
-      if (task.grid.conflicting_sample(next.dart.position(), next.dart.radius, task.radii.rule()) != kNone) {
+      if (task.disks->grid().conflicting_sample(next.dart.position(), next.dart.radius, task.radii.rule()) != kNone) {
         ++rejections;
       } else {
         rejections = 0;
-        task.add(next.dart);
+        task.add_dart(next.dart);
       }
       const bool goes_on = ++task.report.darts % kDartsPerReport != 0 || completes([&] {
         execution.report(std::min(1.0, static_cast<double>(task.report.darts) / expected));
@@ -212,12 +220,12 @@ std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task, cons
   const SamplingCosts costs(task.set.size() / kDartPart, static_cast<double>(task.mesh.num_facets()), execution.workers());
   const double share = costs.diagram / (costs.diagram + costs.gaps);
   auto diagram = std::make_unique<RestrictedPowerDiagram>(task.mesh, task.set.points(), weights_of(task.set.radii()),
-                                                          execution.part(0, share));
+                                                          task.disks->reach_lists(), execution.part(0, share));
   task.report.seconds_triangulation += diagram->seconds_triangulation();
   task.report.seconds_diagram += watch.lap() - diagram->seconds_triangulation();
   execution.check();
   const Execution filling = execution.part(share, 1, "filling gaps");
-  GapFiller filler(*diagram, task.grid, task.radii);
+  GapFiller filler(*diagram, *task.disks, task.radii);
   constexpr double kLookShare = 0.15;
   filler.look_at_all(filling.part(0, kLookShare));
   const Execution throwing = filling.part(kLookShare, 1);
@@ -242,7 +250,11 @@ SamplingRun finish_run(SamplingTask& task, std::unique_ptr<RestrictedPowerDiagra
     task.report.max_radius = *std::max_element(radii.begin(), radii.end());
     for (const double r : radii) task.report.mean_radius += r / static_cast<double>(radii.size());
   }
-  return {{task.set.finish(), task.report, task.status}, std::move(diagram)};
+  SamplingRun run;
+  run.result = {task.set.finish(), task.report, task.status};
+  run.disks = task.disks;
+  run.diagram = std::move(diagram);
+  return run;
 }
 
 /// Times and attempts add up over the runs made for one target.
@@ -254,12 +266,12 @@ void add_up(SamplingReport& total, const SamplingReport& run) {
 }
 
 /// One run from darts to the last gap.
-SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const WantedRadii& radii, std::uint64_t seed,
-                     const Execution& execution) {
+SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const WantedRadii& radii,
+                     const std::shared_ptr<const SurfaceFlood>& flood, std::uint64_t seed, const Execution& execution) {
   const double density = radii.density_integral(total_area(mesh));
   const Box box = bounding_box(mesh);
   require_feasible_radii(radii.min(), radii.max(), density, box, options);
-  SamplingTask task(mesh, options, radii, box, seed);
+  SamplingTask task(mesh, options, radii, box, flood, seed);
   const SamplingCosts costs(kSamplesPerDensity * density, static_cast<double>(mesh.num_facets()), execution.workers());
   const double darts_end = costs.darts / costs.all(), sort_end = (costs.darts + costs.sort) / costs.all();
   std::unique_ptr<RestrictedPowerDiagram> diagram;
@@ -293,14 +305,15 @@ double expected_samples(const MeshView& mesh, const SamplingOptions& options) {
 
 double sampling_cost(double samples, double facets, unsigned workers) { return SamplingCosts(samples, facets, workers).all(); }
 
-SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options) {
+SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options,
+                                std::shared_ptr<const SurfaceFlood> flood) {
   const Execution execution = options.execution.start();
   require_usable(mesh);
   require_sampling_options(options);
   require_one_sizing(mesh, options);
   const bool by_field = !options.sizing.empty();
   if (options.target_count == 0) {
-    SamplingRun run = run_once(mesh, options, wanted_radii(options), options.seed, execution);
+    SamplingRun run = run_once(mesh, options, wanted_radii(options), flood, options.seed, execution);
     if (run.result.status == Outcome::kDone) execution.finish();
     return run;
   }
@@ -324,7 +337,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
         by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
     SamplingRun run;
-    const bool begun = completes([&] { run = run_once(mesh, options, radii, seed, part_of_attempt(execution, attempt)); });
+    const bool begun = completes([&] { run = run_once(mesh, options, radii, flood, seed, part_of_attempt(execution, attempt)); });
     if (begun && by_field) run.result.report.sizing_scale = scale;
     total.attempts = attempt;
     add_up(total, run.result.report);
@@ -352,7 +365,8 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
 }  // namespace detail
 
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
-  return std::move(detail::sample_with_diagram(mesh, options).result);
+  if (options.neighborhood == Neighborhood::kSurface) require_usable(mesh);
+  return std::move(detail::sample_with_diagram(mesh, options, detail::flood_of(mesh, options.neighborhood)).result);
 }
 
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options) {
@@ -368,7 +382,7 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
   const Box box = bounding_box(mesh);
   const double density = radii.density_integral(total_area(mesh));
   detail::require_feasible_radii(radii.min(), radii.max(), density, box, options);
-  detail::SamplingTask task(mesh, options, radii, box, options.seed);
+  detail::SamplingTask task(mesh, options, radii, box, nullptr, options.seed);
   if (!detail::completes([&] { detail::run_darts(task, density, execution); })) task.status = Outcome::kCancelled;
   if (task.status == Outcome::kDone) execution.finish();
   return std::move(detail::finish_run(task, nullptr).result);
@@ -401,16 +415,14 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
   const double density = radii.density_integral(total_area(mesh));
   detail::require_feasible_radii(radii.min(), radii.max(), density, box, options);
   if (!radii.uniform()) detail::require_feasible_radii(radii.min_of_set(), radii.max_of_set(), density, box, options);
-  detail::SamplingTask task(mesh, options, radii, box, options.seed);
+  detail::SamplingTask task(mesh, options, radii, box, nullptr, options.seed);
   task.set.add_all(existing);
   const bool complete = detail::completes([&] {
-    constexpr double kGridShare = 0.03;
-    detail::Ticker ticker(execution.part(0, kGridShare, "filling gaps"), detail::slot(existing.size()));
-    for (Index s = 0; s < existing.size(); ++s) {
-      task.grid.insert(task.set.position(s), existing.radii[detail::slot(s)], s);
-      ticker.tick();
-    }
-    detail::run_gap_filling(task, execution.part(kGridShare, 1));
+    constexpr double kDisksShare = 0.03;
+    const Execution placing = execution.part(0, kDisksShare, "filling gaps");
+    const auto flood = detail::flood_of(mesh, options.neighborhood, placing.part(0, 0.3));
+    task.disks = detail::disks_of(mesh, existing, radii.min_of_set(), radii.max_of_set(), flood, placing.part(0.3, 1));
+    detail::run_gap_filling(task, execution.part(kDisksShare, 1));
   });
   if (!complete) task.status = Outcome::kCancelled;
   if (task.status == Outcome::kDone) execution.finish();

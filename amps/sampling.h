@@ -33,6 +33,8 @@ struct SamplingOptions {
   Index target_count = 0;
   /// Means nothing where radii are equal.
   ConflictRule conflict_rule = ConflictRule::kMax;
+  /// Default: kSpace; in remesh() kSurface, but for the min rule.
+  Neighborhood neighborhood = Neighborhood::kDefault;
   /// Same seed, mesh and options: the same bits, on any platform and any number of threads.
   std::uint64_t seed = 1;
   /// Dart throwing ends after this many consecutive rejections (k of the paper); what is left is the gap filler's.
@@ -95,12 +97,20 @@ double expected_samples(const MeshView& mesh, const SamplingOptions& options);
 /// Microseconds that sample() takes for so many samples, roughly, on `workers` threads.
 double sampling_cost(double samples, double facets, unsigned workers);
 
-/// sample(), and the diagram it ended with (null if it was cancelled).
+class CapField;
+class DiskSet;
+class SurfaceFlood;
+
+/// sample(), and what it ended with (null if it was cancelled): the diagram and, where disks know their surface, these.
 struct SamplingRun {
   SamplingResult result;
+  std::shared_ptr<DiskSet> disks;
+  std::shared_ptr<const CapField> caps;  ///< bounds of wanted radii, beside curves; null: none
+  Index num_fixed = 0;                   ///< samples on curves: the first ones
   std::unique_ptr<RestrictedPowerDiagram> diagram;
 };
-SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options);
+SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options,
+                                std::shared_ptr<const SurfaceFlood> flood = nullptr);
 
 }  // namespace detail
 

@@ -142,13 +142,38 @@ void VoxelGrid::prefetch_samples(const Vec3& x, double radius) const {
 }
 
 Index VoxelGrid::conflicting_sample(const Vec3& x, double radius, ConflictRule rule) const {
-  const bool by_max = rule == ConflictRule::kMax;
-  if (equal_) return conflicting_among_equals(x, by_max ? weight_ : std::min(weight_, radius * radius));
-  return by_max ? conflicting_by_max(x, radius) : conflicting_by_min(x, radius);
+  Index found = kNone;
+  visit_conflicts(x, radius, rule, [&](Index id) {
+    found = id;
+    return true;
+  });
+  return found;
 }
 
-/// Some sample at squared distance < weight, which is at most that of all samples.
-Index VoxelGrid::conflicting_among_equals(const Vec3& x, double weight) const {
+void VoxelGrid::list_conflicts(const Vec3& x, double radius, ConflictRule rule, std::vector<Index>& found) const {
+  found.clear();
+  visit_conflicts(x, radius, rule, [&](Index id) {
+    found.push_back(id);
+    return false;
+  });
+}
+
+/// Calls visit(id) for samples that a disk is too near to, until it returns true.
+template <class Visit>
+void VoxelGrid::visit_conflicts(const Vec3& x, double radius, ConflictRule rule, const Visit& visit) const {
+  const bool by_max = rule == ConflictRule::kMax;
+  if (equal_) {
+    visit_conflicts_of_equals(x, by_max ? weight_ : std::min(weight_, radius * radius), visit);
+  } else if (by_max) {
+    visit_conflicts_by_max(x, radius, visit);
+  } else {
+    visit_conflicts_by_min(x, radius, visit);
+  }
+}
+
+/// Of samples at squared distance < weight, which is at most that of all samples.
+template <class Visit>
+void VoxelGrid::visit_conflicts_of_equals(const Vec3& x, double weight, const Visit& visit) const {
   const double surely_inside = weight * kSurelyInside, surely_outside = weight * kSurelyOutside;
   const Level& level = levels_.front();
   const Place p = place(x);
@@ -163,12 +188,11 @@ Index VoxelGrid::conflicting_among_equals(const Vec3& x, double weight) const {
         const double* sample = block.positions[i];
         const double d2 = squared_distance(x, sample);
         if (d2 > surely_outside) continue;
-        if (d2 < surely_inside || side_of_ball(x.data(), sample, weight) < 0) return block.ids[i];
+        if ((d2 < surely_inside || side_of_ball(x.data(), sample, weight) < 0) && visit(block.ids[i])) return;
       }
       b = block.next;
     }
   }
-  return kNone;
 }
 
 /// Calls visit(slot, cell) for those of the 2³ voxels of a level nearest to p that there are, until it returns true.
@@ -227,10 +251,11 @@ bool VoxelGrid::visit_below(const Place& p, int level, const Slot& parent, const
   return false;
 }
 
-/// Some sample of the voxel at squared distance < combine(weight, its own), or kNone. Combined with the bounds of all weights
-/// of a level this decides about most samples without a look at theirs.
-template <class Combine>
-Index VoxelGrid::conflict_in(const Slot& slot, int level, const Vec3& x, double weight, const Combine& combine) const {
+/// Calls visit(id) for samples of the voxel at squared distance < combine(weight, its own), until it returns true. Combined with
+/// the bounds of all weights of a level this decides about most samples without a look at theirs.
+template <class Combine, class Visit>
+bool VoxelGrid::visit_conflicts_in(const Slot& slot, int level, const Vec3& x, double weight, const Combine& combine,
+                                   const Visit& visit) const {
   const Level& at = levels_[static_cast<std::size_t>(level)];
   const double inside = combine(weight, at.weight_above) * kSurelyInside;
   const double outside = combine(weight, at.weight_below) * kSurelyOutside;
@@ -239,47 +264,45 @@ Index VoxelGrid::conflict_in(const Slot& slot, int level, const Vec3& x, double 
     for (int i = 0; i < block.count; ++i) {
       const double d2 = squared_distance(x, block.positions[i]);
       if (d2 > outside) continue;
-      if (d2 < inside) return block.ids[i];
+      if (d2 < inside) {
+        if (visit(block.ids[i])) return true;
+        continue;
+      }
       const double w = combine(weight, weights_[static_cast<std::size_t>(block.ids[i])]);
       if (d2 > w * kSurelyOutside) continue;
-      if (d2 < w * kSurelyInside || side_of_ball(x.data(), block.positions[i], w) < 0) return block.ids[i];
+      if ((d2 < w * kSurelyInside || side_of_ball(x.data(), block.positions[i], w) < 0) && visit(block.ids[i])) return true;
     }
     b = block.next;
   }
-  return kNone;
+  return false;
 }
 
-Index VoxelGrid::conflicting_by_max(const Vec3& x, double radius) const {
+template <class Visit>
+void VoxelGrid::visit_conflicts_by_max(const Vec3& x, double radius, const Visit& visit) const {
   const Place p = place(x);
   const int own = level_of(radius);
   const double weight = radius * radius, limit = weight * (1 + kVoxelExcess);
   const auto larger = [](double a, double b) { return std::max(a, b); };
-  Index found = kNone;
-  const auto in_voxel = [&](const Slot& slot, int level) {
-    found = conflict_in(slot, level, x, weight, larger);
-    return found != kNone;
-  };
-  visit_around(p, own, [&](const Slot& slot, const Cell& cell) {
+  const auto in_voxel = [&](const Slot& slot, int level) { return visit_conflicts_in(slot, level, x, weight, larger, visit); };
+  bool stopped = visit_around(p, own, [&](const Slot& slot, const Cell& cell) {
     return in_voxel(slot, own) || (slot.children != 0 && visit_below(p, own, slot, cell, limit, in_voxel));
   });
-  for (int level = own - 1; level >= 0 && found == kNone; --level) {
-    visit_around(p, level, [&](const Slot& slot, const Cell&) { return in_voxel(slot, level); });
+  for (int level = own - 1; level >= 0 && !stopped; --level) {
+    stopped = visit_around(p, level, [&](const Slot& slot, const Cell&) { return in_voxel(slot, level); });
   }
-  return found;
 }
 
-Index VoxelGrid::conflicting_by_min(const Vec3& x, double radius) const {
+template <class Visit>
+void VoxelGrid::visit_conflicts_by_min(const Vec3& x, double radius, const Visit& visit) const {
   const Place p = place(x);
   const double weight = radius * radius;
   const auto smaller = [](double a, double b) { return std::min(a, b); };
-  Index found = kNone;
-  for (int level = static_cast<int>(levels_.size()) - 1; level >= 0 && found == kNone; --level) {
-    visit_around(p, level, [&](const Slot& slot, const Cell&) {
-      found = conflict_in(slot, level, x, weight, smaller);
-      return found != kNone;
+  bool stopped = false;
+  for (int level = static_cast<int>(levels_.size()) - 1; level >= 0 && !stopped; --level) {
+    stopped = visit_around(p, level, [&](const Slot& slot, const Cell&) {
+      return visit_conflicts_in(slot, level, x, weight, smaller, visit);
     });
   }
-  return found;
 }
 
 double VoxelGrid::nearest_squared_distance(const Vec3& x, double reach) const {

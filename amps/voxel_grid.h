@@ -48,6 +48,9 @@ class VoxelGrid {
   /// each of them.
   Index conflicting_sample(const Vec3& x, double radius, ConflictRule rule) const;
 
+  /// All that conflicting_sample() chooses from, in an order that depends on the order of insertion only.
+  void list_conflicts(const Vec3& x, double radius, ConflictRule rule, std::vector<Index>& found) const;
+
   /// The least squared distance, as rounded by squaredNorm(), to a stored sample within about `reach`; +inf or more than
   /// reach² if there is none.
   double nearest_squared_distance(const Vec3& x, double reach) const;
@@ -91,17 +94,23 @@ class VoxelGrid {
   Place place(const Vec3& x) const;
   int level_of(double radius) const;
   std::uint64_t key_at(const Place& p, int level) const;
-  Index conflicting_among_equals(const Vec3& x, double weight) const;
-  Index conflicting_by_max(const Vec3& x, double radius) const;
-  Index conflicting_by_min(const Vec3& x, double radius) const;
+  template <class Visit>
+  void visit_conflicts(const Vec3& x, double radius, ConflictRule rule, const Visit& visit) const;
+  template <class Visit>
+  void visit_conflicts_of_equals(const Vec3& x, double weight, const Visit& visit) const;
+  template <class Visit>
+  void visit_conflicts_by_max(const Vec3& x, double radius, const Visit& visit) const;
+  template <class Visit>
+  void visit_conflicts_by_min(const Vec3& x, double radius, const Visit& visit) const;
   static std::size_t find_slot(const Level& level, std::uint64_t key);
   template <class Visit>
   bool visit_around(const Place& p, int level, const Visit& visit) const;
   template <class Visit>
   bool visit_below(const Place& p, int level, const Slot& parent, const Cell& cell, const double& limit,
                    const Visit& visit) const;
-  template <class Combine>
-  Index conflict_in(const Slot& slot, int level, const Vec3& x, double weight, const Combine& combine) const;
+  template <class Combine, class Visit>
+  bool visit_conflicts_in(const Slot& slot, int level, const Vec3& x, double weight, const Combine& combine,
+                          const Visit& visit) const;
   Slot& slot_for(Level& level, std::uint64_t key);
   void store(Slot& slot, const Vec3& x, Index id);
   std::int32_t new_block(std::int32_t next);

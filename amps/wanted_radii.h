@@ -3,11 +3,13 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/cap_field.h"
 #include "amps/samples.h"
 #include "amps/sizing.h"
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <utility>
 
 namespace amps::detail {
@@ -48,24 +50,37 @@ class WantedRadii {
     return result;
   }
 
+  /// The same under these bounds (null: none), which some sample of the set has brought.
+  WantedRadii with_caps(std::shared_ptr<const CapField> caps) const {
+    WantedRadii result = *this;
+    result.caps_ = std::move(caps);
+    return result;
+  }
+
   ConflictRule rule() const { return rule_; }
-  /// Is one radius wanted everywhere?
+  /// Is one radius wanted everywhere, but for caps?
   bool constant() const { return field_.empty(); }
   /// Do all samples have one radius, those that are there and those to come?
-  bool uniform() const { return constant() && min_of_set_ == max_of_set_; }
+  bool uniform() const { return constant() && caps_ == nullptr && min_of_set_ == max_of_set_; }
   /// Empty if one radius is wanted.
   const SizingField& field() const { return field_; }
 
-  double at(const SurfacePoint& x) const { return constant() ? radius_ : field_.radius(x); }
+  double at(const SurfacePoint& x) const {
+    const double wanted = constant() ? radius_ : field_.radius(x);
+    return caps_ == nullptr ? wanted : caps_->at(x.position, wanted);
+  }
+  /// Of the radius or field, without caps.
   double min() const { return constant() ? radius_ : field_.min_radius(); }
   double max() const { return constant() ? radius_ : field_.max_radius(); }
+  /// Is relative_density() 1 everywhere?
+  bool one_density() const { return constant() && caps_ == nullptr; }
   /// The wanted density 1/r², in units of its greatest value.
   double relative_density(const SurfacePoint& x) const {
-    if (constant()) return 1;
+    if (one_density()) return 1;
     const double ratio = min() / at(x);
     return ratio * ratio;
   }
-  /// ∫dA/r² over a surface of this area.
+  /// ∫dA/r² over a surface of this area, without caps.
   double density_integral(double area) const { return constant() ? area / radius_ / radius_ : field_.density_integral(); }
 
   /// Of all radii, those that are there and those to come. A sample that gap filling adds is nowhere smaller: it lies in no
@@ -89,6 +104,7 @@ class WantedRadii {
 
   double radius_;
   SizingField field_;
+  std::shared_ptr<const CapField> caps_;
   ConflictRule rule_;
   double min_of_set_, max_of_set_;
 };

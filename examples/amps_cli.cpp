@@ -36,18 +36,28 @@ constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as a shell reports it
 /// Where the parts of a command end, of its time: rough, since it depends on input and options.
 constexpr double kRead = 0.03, kSized = 0.25, kSampled = 0.85, kWorked = 0.96;
 
-amps::SamplingOptions sampling_options(const Arguments& arguments) {
+/// --neighborhood
+amps::Neighborhood neighborhood_of(const Arguments& arguments, amps::Neighborhood standard) {
+  if (!arguments.has("--neighborhood")) return standard;
+  const std::string name = arguments.text("--neighborhood");
+  if (name == "surface") return amps::Neighborhood::kSurface;
+  if (name == "space") return amps::Neighborhood::kSpace;
+  throw arguments.error("--neighborhood " + name + ": name surface or space");
+}
+
+amps::SamplingOptions sampling_options(const Arguments& arguments, amps::Neighborhood neighborhood) {
   amps::SamplingOptions options;
   options.radius = arguments.positive("--radius");
   options.target_count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
   options.seed = arguments.whole("--seed", options.seed, 0, UINT64_MAX);
   options.execution.threads = threads_of(arguments);
+  options.neighborhood = neighborhood_of(arguments, neighborhood);
   return options;
 }
 
 int run_sample(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments);
-  amps::SamplingOptions options = sampling_options(arguments);
+  amps::SamplingOptions options = sampling_options(arguments, amps::Neighborhood::kSpace);
   require_sample_output(arguments, arguments.operand(1));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
 
@@ -62,7 +72,8 @@ int run_sample(const Arguments& arguments) {
   const amps::SamplingResult result = amps::sample(mesh, options);
   watch.check(result.status);
   const Stopwatch verify;
-  const amps::MaximalityReport certificate = amps::verify_maximal(mesh, result.samples, watch.part(kSampled, kWorked));
+  const amps::MaximalityReport certificate = amps::verify_maximal(
+      mesh, result.samples, watch.part(kSampled, kWorked), options.conflict_rule, options.neighborhood);
   const double seconds_verify = verify.seconds();
   const Stopwatch write;
   amps::write_samples(arguments.operand(1), result.samples, watch.part(kWorked, 1));
@@ -118,7 +129,7 @@ void set_optimization(const Arguments& arguments, amps::RemeshOptions& options) 
 int run_remesh(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments);
   amps::RemeshOptions options;
-  options.sampling = sampling_options(arguments);
+  options.sampling = sampling_options(arguments, amps::Neighborhood::kSurface);
   set_optimization(arguments, options);
   if (arguments.has("--convergence")) require_writable(arguments, arguments.text("--convergence"));
   require_mesh_output(arguments, arguments.operand(1));
@@ -196,15 +207,17 @@ int run_remesh(const Arguments& arguments) {
 }
 
 int run_gaps(const Arguments& arguments) {
+  const amps::Neighborhood neighborhood = neighborhood_of(arguments, amps::Neighborhood::kSpace);
   if (arguments.operands() > 2) require_mesh_output(arguments, arguments.operand(2));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
   Watch watch(arguments.quiet(), threads_of(arguments));
   const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.05));
   const amps::SampleSet samples = amps::read_samples(arguments.operand(1), watch.part(0.05, 0.1));
-  const amps::MaximalityReport report = amps::verify_maximal(mesh, samples, watch.part(0.1, 0.5));
+  const amps::MaximalityReport report =
+      amps::verify_maximal(mesh, samples, watch.part(0.1, 0.5), amps::ConflictRule::kMax, neighborhood);
   const double area = amps::total_area(mesh, watch.part(0.5, 0.51));
   if (arguments.operands() > 2 && report.gaps > 0) {
-    const amps::GapSet gaps = amps::find_gaps(mesh, samples, watch.part(0.51, kWorked));
+    const amps::GapSet gaps = amps::find_gaps(mesh, samples, watch.part(0.51, kWorked), neighborhood);
     amps::write_mesh(arguments.operand(2), gaps.primitives, {}, watch.part(kWorked, 1));
   }
   watch.finish();
@@ -377,13 +390,15 @@ const std::vector<Command>& commands() {
   static const Option kSeed{"--seed", "S", "of the random numbers (default 1): the same seed gives the same bits"};
   static const Option kThreads{"--threads", "T", "default 0: one per core; the result does not depend on it"};
   static const Option kJson{"--json", "FILE", "write the table as JSON too"};
+  static const Option kInSpace{"--neighborhood", "KIND",
+                               "space (default): disks are balls; surface: sheets do not see each other's disks"};
   static const std::vector<Command> kCommands{
       {"sample",
        "IN OUT",
        "place a maximal Poisson-disk set on a mesh",
        "IN is a mesh (.obj .off .ply .stl), OUT a sample set (.xyzr .ply .csv). No two samples are nearer than the\n"
        "greater of their radii, and every point of the surface is within the radius of a sample.",
-       {kRadius, kVertices, kSizing, kRmin, kRmax, kError, kGradation, kSeed, kThreads, kJson},
+       {kRadius, kVertices, kSizing, kRmin, kRmax, kError, kGradation, kInSpace, kSeed, kThreads, kJson},
        run_sample},
       {"remesh",
        "IN OUT",
@@ -402,6 +417,7 @@ const std::vector<Command>& commands() {
         kRmax,
         kError,
         kGradation,
+        {"--neighborhood", "KIND", "surface (default): sheets do not see each other's disks; space: disks are balls"},
         {"--optimize", "WHAT", "angle,valence (default), angle, valence, or none"},
         {"--angle-min", "DEG", "least angle to reach, below 60"},
         {"--angle-max", "DEG", "greatest angle to reach, above 60"},
@@ -417,7 +433,7 @@ const std::vector<Command>& commands() {
        "is a set of disks on a mesh maximal?",
        "SAMPLES is a sample set (.xyzr .ply .csv), made by amps or by anything else. If parts of the mesh IN are in no disk,\n"
        "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not.",
-       {kThreads, kJson},
+       {kInSpace, kThreads, kJson},
        run_gaps},
       {"info",
        "IN",

@@ -153,6 +153,19 @@ awk '$4 < 0.05 - 1e-15 || $4 > 0.1 + 1e-15 { exit 1 }' file.xyzr || fail "radii 
 run 0 sample torus.obj same.xyzr --sizing radii.ply:quality --gradation 0.2
 head -n 5 radii.txt >few.txt
 
+echo "-- disks that know their surface"
+# A plate, 1 by 1 by 0.01, from the cube.
+run 0 make cube box.obj --n 100
+awk '/^v / { $4 = $4 * 0.01 } { print }' box.obj >plate.obj
+run 0 remesh plate.obj thin.obj --vertices 2000 --samples thin.xyzr --json thin.json --optimize none
+grep -A 12 '"output"' thin.json | grep -q '"euler_characteristic": 2' || fail "the sides of a plate are joined"
+run 0 gaps plate.obj thin.xyzr --neighborhood surface
+run 0 remesh plate.obj joined.obj --vertices 2000 --neighborhood space --json joined.json --optimize none
+grep -A 12 '"output"' joined.json | grep -q '"euler_characteristic": 2' && fail "balls do not join the sides of a plate"
+run 0 sample plate.obj thin.csv --radius 0.05 --neighborhood surface
+run 0 gaps plate.obj thin.csv --neighborhood surface
+bad "surface or space" sample torus.obj no.xyzr --radius 0.1 --neighborhood here
+
 echo "-- the same seed, the same bytes"
 run 0 remesh torus.obj a.off --radius 0.1 --seed 5 --threads 1
 run 0 remesh torus.obj b.off --radius=0.1 --seed=5 --threads 2

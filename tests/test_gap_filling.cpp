@@ -27,24 +27,25 @@ using amps::detail::WantedRadii;
 
 namespace {
 
-/// A set that is edited as optimisation edits its own: diagram, grid and samples by id, ids used again.
+/// A set that is edited as optimisation edits its own: diagram, disks and samples by id, ids used again.
 class EditedSet {
  public:
   EditedSet(const Mesh& mesh, const SampleSet& set, const WantedRadii& radii)
       : diagram_(mesh, set.positions, squared(set.radii), on_threads(1)),
-        grid_(amps::bounding_box(mesh), radii.min_of_set(), radii.max_of_set()) {
+        disks_(amps::bounding_box(mesh), radii.min_of_set(), radii.max_of_set(), nullptr) {
     for (Index s = 0; s < set.size(); ++s) {
       samples_.push_back(amps::detail::sample_of(set, s));
-      grid_.insert(samples_.back().position(), samples_.back().radius, s);
+      disks_.insert(samples_.back(), s);
     }
   }
 
   const RestrictedPowerDiagram& diagram() const { return diagram_; }
-  const amps::detail::VoxelGrid& grid() const { return grid_; }
+  const amps::detail::DiskSet& disks() const { return disks_; }
+  const amps::detail::VoxelGrid& grid() const { return disks_.grid(); }
   const Sample& operator[](Index s) const { return samples_[at(s)]; }
 
   const std::vector<Index>& remove(Index s) {
-    grid_.remove(samples_[at(s)].position(), samples_[at(s)].radius, s);
+    disks_.remove(samples_[at(s)], s);
     diagram_.remove(s);
     free_.push_back(s);
     return diagram_.changed();
@@ -61,7 +62,7 @@ class EditedSet {
       diagram_.reinsert(s, sample.position(), sample.radius * sample.radius, near);
       samples_[at(s)] = sample;
     }
-    grid_.insert(sample.position(), sample.radius, s);
+    disks_.insert(sample, s);
     return s;
   }
 
@@ -75,7 +76,7 @@ class EditedSet {
 
  private:
   RestrictedPowerDiagram diagram_;
-  amps::detail::VoxelGrid grid_;
+  amps::detail::DiskSet disks_;
   std::vector<Sample> samples_;
   std::vector<Index> free_;
 };
@@ -147,7 +148,7 @@ TEST_CASE("gap_filling: holes are filled where they are, by either rule, and the
       const SampleSet start = amps::sample(mesh, options).samples;
       const WantedRadii radii = wanted.beside(min_of(start.radii), max_of(start.radii));
       EditedSet set(mesh, start, radii);
-      GapFiller filler(set.diagram(), set.grid(), radii);
+      GapFiller filler(set.diagram(), set.disks(), radii);
       CHECK(!filler.has_gaps());
       Rng rng(3);
       std::vector<char> gone(at(start.size()), 0);
@@ -192,7 +193,7 @@ TEST_CASE("gap_filling: it gives up when it is told to, and what it has entered 
   const SampleSet start = amps::sample(mesh, options).samples;
   const WantedRadii radii(0.12, ConflictRule::kMax);
   EditedSet set(mesh, start, radii);
-  GapFiller filler(set.diagram(), set.grid(), radii);
+  GapFiller filler(set.diagram(), set.disks(), radii);
   Rng rng(4);
   for (const Index s : {5, 77, 300}) {
     const std::vector<Index> removed = make_hole(set, filler, s, 6);
@@ -244,7 +245,7 @@ TEST_CASE("gap_filling: gaps are chosen in proportion to area times density") {
     }
     const SampleSet start = amps::sample(mesh, options).samples;
     EditedSet set(mesh, start, radii);
-    GapFiller filler(set.diagram(), set.grid(), radii);
+    GapFiller filler(set.diagram(), set.disks(), radii);
     // Two holes: one sample on the left, a sample and two neighbours on the right.
     const auto nearest_to = [&](const Vec3& x) {
       Index best = 0;
@@ -302,7 +303,7 @@ TEST_CASE("gap_filling: a whole surface can be filled from a diagram with remove
   const WantedRadii radii(0.07, ConflictRule::kMax);
   EditedSet set(mesh, start, radii);
   for (Index s = 0; s < start.size(); s += 3) set.remove(s);
-  GapFiller filler(set.diagram(), set.grid(), radii);
+  GapFiller filler(set.diagram(), set.disks(), radii);
   filler.look_at_all();
   CHECK(filler.has_gaps());
   Rng rng(6);

@@ -72,7 +72,7 @@ TEST_CASE("optimize: forced refills and what is undone leave every radius, place
     Diagram diagram = amps::detail::diagram_of(set.mesh, set.samples, on_threads(1));
     std::vector<Index> ids;
     OptimizeResult result{set.samples, {}};
-    result.report = amps::detail::optimize_diagram(diagram, result.samples, options, ids);
+    result.report = amps::detail::optimize_diagram(diagram, result.samples, {}, options, ids);
     check_result(set, result);
     REQUIRE(ids.size() == at(result.samples.size()));
     for (Index s = 0; s < result.samples.size(); ++s) {
@@ -261,7 +261,7 @@ TEST_CASE("optimize: the diagram given is that of the result") {
     Diagram diagram = amps::detail::diagram_of(set.mesh, set.samples, on_threads(1));
     std::vector<Index> ids;
     OptimizeResult result{set.samples, {}};
-    result.report = amps::detail::optimize_diagram(diagram, result.samples, options, ids);
+    result.report = amps::detail::optimize_diagram(diagram, result.samples, {}, options, ids);
     CHECK(same_set(result.samples, optimized(set, options).samples));
     REQUIRE(ids.size() == at(result.samples.size()));
     REQUIRE(diagram.num_sites() - diagram.num_removed() == result.samples.size());

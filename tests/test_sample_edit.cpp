@@ -86,10 +86,10 @@ void check_samples(const Mesh& mesh, const EditableSamples& samples, SampleSet s
       conflict = conflict || d < r * r;
       nearest = std::min(nearest, d);
     }
-    const Index found = samples.grid().conflicting_sample(dart.position(), dart.radius, amps::ConflictRule::kMax);
+    const Index found = samples.disks().grid().conflicting_sample(dart.position(), dart.radius, amps::ConflictRule::kMax);
     CHECK((found != kNone) == conflict);
     if (found != kNone) CHECK(expected.count(found) == 1);
-    const double by_grid = samples.grid().nearest_squared_distance(dart.position(), 2 * radius);
+    const double by_grid = samples.disks().grid().nearest_squared_distance(dart.position(), 2 * radius);
     if (nearest <= 4 * radius * radius) CHECK(by_grid == nearest);
   }
   std::vector<Index> ids;
@@ -125,7 +125,8 @@ class Session {
         radius_(radius),
         set_(set_of(mesh, radius)),
         diagram_(amps::detail::diagram_of(mesh, set_, 1)),
-        samples_(diagram_, set_, VoxelGrid(amps::bounding_box(mesh), radius / 2, 3 * radius / 2)),
+        disks_(VoxelGrid(amps::bounding_box(mesh), radius / 2, 3 * radius / 2)),
+        samples_(diagram_, set_, disks_),
         rng_(seed) {
     for (Index s = 0; s < set_.size(); ++s) expected_[s] = {amps::detail::sample_of(set_, s), false};
   }
@@ -144,7 +145,7 @@ class Session {
     SampleEdit edit(samples_, removed);
     for (const Index s : removed) {
       const Sample& gone = expected_.at(s).sample;
-      const Index near = samples_.grid().conflicting_sample(gone.position(), 0, amps::ConflictRule::kMax);
+      const Index near = samples_.disks().grid().conflicting_sample(gone.position(), 0, amps::ConflictRule::kMax);
       CHECK(std::find(removed.begin(), removed.end(), near) == removed.end());
     }
     const bool first_out = rng_.below(2) == 0, in_diagram = end == End::kKeep || rng_.below(4) != 0;
@@ -212,6 +213,7 @@ class Session {
   double radius_;
   SampleSet set_;
   Diagram diagram_;
+  amps::detail::DiskSet disks_;
   EditableSamples samples_;
   Expected expected_;
   Rng rng_;

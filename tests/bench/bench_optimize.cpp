@@ -104,7 +104,7 @@ OptimizeRun run_case(const OptimizeCase& c, AngleBounds bounds, std::uint64_t se
   watch.lap();
   start = processor_seconds();
   run.result.samples = run.start;
-  run.result.report = amps::detail::optimize_diagram(*sampled.diagram, run.result.samples, options, ids);
+  run.result.report = amps::detail::optimize_diagram(*sampled.diagram, run.result.samples, {}, options, ids);
   run.optimization = processor_seconds() - start;
   run.clock_optimization = watch.lap();
   return run;

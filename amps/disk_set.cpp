@@ -1,0 +1,213 @@
+#define AMPS_OWN_SOURCE
+#include "amps/disk_set.h"
+
+#include "amps/predicates.h"
+#include "amps/surface_tree.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace amps::detail {
+
+DiskSet::DiskSet(const Box& box, double min_radius, double max_radius, std::shared_ptr<const SurfaceFlood> flood)
+    : grid_(box, min_radius, max_radius),
+      box_(box),
+      min_radius_(min_radius),
+      max_radius_(max_radius),
+      flood_(std::move(flood)) {
+  if (flood_ != nullptr) lists_ = std::make_unique<ReachLists>(flood_->edges().num_facets());
+}
+
+void DiskSet::clear(const Box& box, double min_radius, double max_radius) {
+  grid_ = VoxelGrid(box, min_radius, max_radius);
+  box_ = box;
+  min_radius_ = min_radius;
+  max_radius_ = max_radius;
+  if (flood_ != nullptr) lists_ = std::make_unique<ReachLists>(flood_->edges().num_facets());
+  samples_.clear();
+  stored_.clear();
+  num_samples_ = 0;
+}
+
+/// Does the disk of a sample whose ball holds x hold it? It does where it reaches a facet at x.
+bool DiskSet::holds(Index id, const SurfacePoint& x) const {
+  if (lists_->reaches(id, x.facet)) return true;
+  if ((x.barycentric.array() != 0).all()) return false;
+  const std::vector<Index> homes = flood_->homes(x);
+  return std::any_of(homes.begin(), homes.end(), [&](Index facet) { return lists_->reaches(id, facet); });
+}
+
+Index DiskSet::covering_sample(const SurfacePoint& x) const {
+  const Index first = grid_.conflicting_sample(x.position, 0, ConflictRule::kMax);
+  if (first == kNone || !knows_surface() || holds(first, x)) return first;
+  grid_.list_conflicts(x.position, 0, ConflictRule::kMax, near_);
+  for (const Index id : near_) {
+    if (holds(id, x)) return id;
+  }
+  return kNone;
+}
+
+/// Leaves the facets that a disk would reach in flooded_, ascending.
+void DiskSet::flood_from(const SurfacePoint& x, double radius) const {
+  homes_ = flood_->homes(x);
+  flood_->flood(x.position, radius * radius, homes_, scratch_, flooded_);
+}
+
+/// Did the last flood come to a facet at the sample?
+bool DiskSet::flood_has(Index id) const {
+  const SurfacePoint& at = samples_[slot(id)].at;
+  const auto flooded = [&](Index facet) { return std::binary_search(flooded_.begin(), flooded_.end(), facet); };
+  if (flooded(at.facet)) return true;
+  if ((at.barycentric.array() != 0).all()) return false;
+  const std::vector<Index> homes = flood_->homes(at);
+  return std::any_of(homes.begin(), homes.end(), flooded);
+}
+
+bool DiskSet::holds_sample(Index i, Index j) const {
+  const Sample &disk = samples_[slot(i)], &other = samples_[slot(j)];
+  return side_of_ball(other.position().data(), disk.position().data(), disk.radius * disk.radius) < 0 && holds(i, other.at);
+}
+
+double DiskSet::worst_conflict(const Execution& execution) const {
+  double worst = INFINITY;
+  Ticker ticker(execution, samples_.size());
+  for (std::size_t id = 0; id < samples_.size(); ++id) {
+    ticker.tick();
+    if (stored_[id] == 0) continue;
+    const auto j = static_cast<Index>(id);
+    grid_.list_conflicts(samples_[id].position(), 0, ConflictRule::kMax, near_);
+    for (const Index i : near_) {
+      if (i == j || !holds_sample(i, j)) continue;
+      const Sample& disk = samples_[slot(i)];
+      worst = std::min(worst, (disk.position() - samples_[id].position()).norm() / disk.radius);
+    }
+  }
+  return worst;
+}
+
+Index DiskSet::conflicting_sample(const Sample& disk, ConflictRule rule) const {
+  const Index first = grid_.conflicting_sample(disk.position(), disk.radius, rule);
+  if (first == kNone || !knows_surface()) return first;
+  const auto covers = [&](Index id) {
+    const Sample& sample = samples_[slot(id)];
+    return side_of_ball(disk.position().data(), sample.position().data(), sample.radius * sample.radius) < 0 &&
+           holds(id, disk.at);
+  };
+  if (covers(first)) return first;
+  grid_.list_conflicts(disk.position(), disk.radius, rule, near_);
+  for (const Index id : near_) {
+    if (covers(id)) return id;
+  }
+  flood_from(disk.at, disk.radius);
+  for (const Index id : near_) {
+    const Sample& sample = samples_[slot(id)];
+    const double weight = disk.radius * disk.radius;
+    if (side_of_ball(sample.position().data(), disk.position().data(), weight) < 0 && flood_has(id)) return id;
+  }
+  return kNone;
+}
+
+double DiskSet::lowered_radius(const SurfacePoint& x, double wanted, const WantedRadii& radii) const {
+  if (!knows_surface()) {
+    if (!radii.lowers()) return wanted;
+    return radii.lowered(wanted, grid_.nearest_squared_distance(x.position, wanted));
+  }
+  if (radii.rule() != ConflictRule::kMax) return wanted;
+  grid_.list_conflicts(x.position, wanted, ConflictRule::kMax, near_);
+  double radius = wanted;
+  PlacedPoint centre;
+  for (const Index id : near_) {
+    const SurfacePoint& at = samples_[slot(id)].at;
+    if (!((at.position - x.position).squaredNorm() < radius * radius)) continue;
+    if (centre.homes.empty()) {
+      flood_from(x, wanted);
+      centre = {x.position, homes_};
+    }
+    if (!flood_has(id)) continue;
+    const double bottleneck = flood_->bottleneck(centre, {at.position, flood_->homes(at)}, radius, scratch_);
+    if (bottleneck < radius) radius = radius_below(radius, bottleneck * bottleneck);
+  }
+  return radius;
+}
+
+/// The grid is made for equal radii, or for those from min_radius_ on; over a surface some fall below.
+void DiskSet::widen_grid(double radius) {
+  constexpr double kOctaves = 16;  // levels without samples cost nothing
+  min_radius_ = std::min(min_radius_, radius) / kOctaves;
+  max_radius_ = std::max(max_radius_, radius);
+  grid_ = VoxelGrid(box_, min_radius_, max_radius_);
+  for (std::size_t id = 0; id < samples_.size(); ++id) {
+    if (stored_[id] != 0) grid_.insert(samples_[id].position(), samples_[id].radius, static_cast<Index>(id));
+  }
+}
+
+void DiskSet::insert(const Sample& sample, Index id) {
+  if (knows_surface()) {
+    const bool equal = min_radius_ == max_radius_, fits = min_radius_ <= sample.radius && sample.radius <= max_radius_;
+    if (equal ? sample.radius * sample.radius != min_radius_ * min_radius_ : !fits) widen_grid(sample.radius);
+    if (slot(id) >= samples_.size()) {
+      samples_.resize(slot(id) + 1);
+      stored_.resize(slot(id) + 1, 0);
+    }
+    samples_[slot(id)] = sample;
+    stored_[slot(id)] = 1;
+    if (!lists_->has(id)) {
+      flood_from(sample.at, sample.radius);
+      lists_->add(id, flooded_);
+    }
+  }
+  grid_.insert(sample.position(), sample.radius, id);
+  ++num_samples_;
+}
+
+void DiskSet::remove(const Sample& sample, Index id) {
+  --num_samples_;
+  grid_.remove(sample.position(), sample.radius, id);
+  if (!knows_surface()) return;
+  stored_[slot(id)] = 0;
+}
+
+void DiskSet::forget_reach(Index id) {
+  if (knows_surface()) lists_->remove(id);
+}
+
+std::shared_ptr<const SurfaceFlood> flood_of(const MeshView& mesh, Neighborhood neighborhood, const Execution& execution) {
+  if (neighborhood != Neighborhood::kSurface) return nullptr;
+  return std::make_shared<const SurfaceFlood>(mesh, SurfaceEdges(mesh, execution.part(0, 0.7)), std::vector<char>(),
+                                              execution.part(0.7, 1));
+}
+
+std::shared_ptr<DiskSet> disks_of(const MeshView& mesh, const SampleSet& samples, double min_radius, double max_radius,
+                                  const std::shared_ptr<const SurfaceFlood>& flood, const Execution& execution) {
+  Box box = bounding_box(mesh);
+  for (Index s = 0; s < samples.size(); ++s) {
+    box.min = box.min.cwiseMin(samples.positions.row(s).transpose());
+    box.max = box.max.cwiseMax(samples.positions.row(s).transpose());
+  }
+  const double min = std::min(min_radius, detail::min_radius(samples)), max = std::max(max_radius, detail::max_radius(samples));
+  if (!VoxelGrid::fits(box, min, max)) {
+    throw Error(ErrorCode::kTooLarge, "samples: radii from " + number_text(min) + " to " + number_text(max) +
+                                          " are out of proportion to the mesh's diagonal " + number_text(box.diagonal()) +
+                                          "; stay between 1e-6 and 1e6 of it");
+  }
+  auto disks = std::make_shared<DiskSet>(box, min, max, flood);
+  std::unique_ptr<SurfaceTree> tree;
+  Index near = kNone;
+  Ticker ticker(execution, slot(samples.size()));
+  for (Index s = 0; s < samples.size(); ++s) {
+    ticker.tick();
+    Sample sample = sample_of(samples, s);
+    if (flood != nullptr && sample.at.facet == kNone) {
+      if (tree == nullptr) tree = std::make_unique<SurfaceTree>(mesh);
+      const SurfaceHit hit = tree->nearest(sample.position(), near);
+      near = hit.point.facet;
+      sample.at.facet = hit.point.facet;
+      sample.at.barycentric = hit.point.barycentric;
+    }
+    disks->insert(sample, s);
+  }
+  return disks;
+}
+
+}  // namespace amps::detail

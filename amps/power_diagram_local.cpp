@@ -1,0 +1,322 @@
+// Local facets of a restricted power diagram: those that are divided among the sites that reach them.
+//
+// A facet becomes local when in the diagram of all sites somebody owns a fragment there, and has a part of it in its ball, but
+// does not reach the facet. (An owner whose ball does not meet its fragment does no harm: nobody's does, and the fragment is a
+// gap either way.) Mostly few sites reach such a facet, and each bounds the cells of all others. Large ones, a side of a thin
+// plate, find who may bound a cell in a grid.
+#define AMPS_OWN_SOURCE
+#include "amps/power_diagram.h"
+
+#include "amps/power_diagram_clipper.h"
+#include "amps/samples.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace amps {
+
+using detail::slot;
+
+namespace detail {
+namespace {
+
+/// So many sites bound each other's cells in a facet without a search among them.
+constexpr Index kFewLocalSites = 48;
+/// A search this many cubes around is given up for a look at all sites of the facet.
+constexpr std::int64_t kMaxSiteRings = 8;
+/// Fragments of a loop that takes some 20 ns for each.
+constexpr std::uint64_t kLocalFragmentsPerLook = 1 << 14;
+
+/// Does the ball meet the convex polygon? True where rounding leaves it open.
+bool ball_may_meet(const RestrictedPowerDiagram::Polygon& polygon, const Vec3& normal, const WeightedPoint& ball, double error) {
+  constexpr double kSlack = 1e-9;
+  const Vec3 p = ball.position();
+  double nearest = INFINITY;
+  bool above_inside = true;
+  for (Index k = 0; k < polygon.size; ++k) {
+    const Vec3 a = polygon.corners[k], along = polygon.corners[k + 1 == polygon.size ? 0 : k + 1] - a;
+    const double length2 = along.squaredNorm();
+    const double t = length2 > 0 ? std::min(std::max((p - a).dot(along) / length2, 0.0), 1.0) : 0.0;
+    nearest = std::min(nearest, (a + t * along - p).squaredNorm());
+    above_inside = above_inside && normal.cross(along).dot(p - a) >= 0;
+  }
+  if (above_inside) {
+    const double height = (p - polygon.corners[0]).dot(normal);
+    nearest = std::min(nearest, height * height);
+  }
+  const double radius = std::sqrt(ball.w) * (1 + kSlack) + error;
+  return !(nearest > radius * radius);
+}
+
+}  // namespace
+}  // namespace detail
+
+bool RestrictedPowerDiagram::takes_part(Index s) const {
+  const RegularTriangulation::VertexState state = triangulation_.state(s + kSentinels);
+  return state != RegularTriangulation::VertexState::kRemoved && state != RegularTriangulation::VertexState::kDuplicate;
+}
+
+/// In no particular order, but one that depends on the history of edits alone.
+void RestrictedPowerDiagram::list_local_sites(Index facet, std::vector<Index>& sites) const {
+  sites.clear();
+  reach_lists_->for_each_sample(facet, [&](Index s) {
+    if (takes_part(s)) sites.push_back(s);
+  });
+}
+
+/// Has the ball of its owner a part of the fragment, while the owner does not reach the facet?
+bool RestrictedPowerDiagram::is_foreign(Index f) const {
+  const Fragment& fragment = fragments_[slot(f)];
+  if (reach_lists_->reaches(fragment.site, fragment.facet)) return false;
+  const WeightedPoint& owner = site(fragment.site);
+  const Vec3 offset(fragment.centre[0] - owner.x, fragment.centre[1] - owner.y, fragment.centre[2] - owner.z);
+  const double error = facet_error_[slot(fragment.facet)];
+  const double beyond = offset.norm() * (1 - detail::kOffsetSlack) - fragment.radius - error;
+  if (beyond > 0 && beyond * beyond > owner.w) return false;
+  return detail::ball_may_meet(polygon(f), detail::normal_of(mesh_, fragment.facet), owner, error);
+}
+
+void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
+  local_.assign(slot(mesh_.num_facets()), 0);
+  std::vector<Index> facets;
+  detail::Ticker ticker(execution.part(0, 0.5), fragments_.size(), detail::kLocalFragmentsPerLook);
+  for (Index f = 0; f < fragment_capacity(); ++f) {
+    ticker.tick();
+    const Index facet = fragments_[slot(f)].facet;
+    if (local_[slot(facet)] != 0 || !is_foreign(f)) continue;
+    local_[slot(facet)] = 1;
+    facets.push_back(facet);
+  }
+  std::sort(facets.begin(), facets.end());
+  detail::Ticker dividing(execution.part(0.5, 1), facets.size());
+  for (const Index facet : facets) {
+    dividing.tick();
+    localize(facet);
+  }
+  changed_.clear();
+  changed_sites_.clear();
+}
+
+/// Fragments that an edit has changed may be foreign now: after an insertion those of the new owner, since all others have
+/// shrunk; after a removal (kNone) any.
+void RestrictedPowerDiagram::localize_foreign(Index owner) {
+  std::vector<Index> facets;
+  for (const Index f : changed_) {
+    if (!alive(f) || (owner != kNone && fragments_[slot(f)].site != owner) || local(fragments_[slot(f)].facet)) continue;
+    if (is_foreign(f)) facets.push_back(fragments_[slot(f)].facet);
+  }
+  std::sort(facets.begin(), facets.end());
+  facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
+  for (const Index facet : facets) localize(facet);
+}
+
+void RestrictedPowerDiagram::localize(Index facet) {
+  for (Index f = first_of_facet(facet), next = kNone; f != kNone; f = next) {
+    next = next_of_facet(f);
+    changed_.push_back(f);
+    changed_sites_.push_back(fragments_[slot(f)].site);
+    free_fragment(f);
+  }
+  local_[slot(facet)] = 1;
+  divide_locally(facet);
+}
+
+/// A local facet without fragments gets them, by a flood from the owner of a corner.
+void RestrictedPowerDiagram::divide_locally(Index facet) {
+  std::vector<Index> queue;
+  list_local_sites(facet, queue);
+  if (queue.empty()) {
+    add_ownerless_fragment(facet);
+    return;
+  }
+  if (reach_lists_->num_samples(facet) > detail::kFewLocalSites && site_grid_.empty()) make_site_grid();
+  queue.assign(1, owner_of_corner(facet, queue));
+  const std::uint32_t stamp = new_stamp();
+  stamp_[slot(queue.front() + kSentinels)] = stamp;
+  Clipper clipper(*this);
+  clipper.set_facet(facet);
+  for (std::size_t k = 0; k < queue.size(); ++k) {
+    const Index s = queue[k];
+    clip_locally(facet, s, clipper);
+    AMPS_ASSERT(!clipper.empty());
+    add_fragment(facet, s, clipper);
+    for (const Index label : clipper.labels()) {
+      if (!is_site(label) || stamp_[slot(label + kSentinels)] == stamp) continue;
+      stamp_[slot(label + kSentinels)] = stamp;
+      queue.push_back(label);
+    }
+  }
+}
+
+void RestrictedPowerDiagram::add_ownerless_fragment(Index facet) {
+  Clipper clipper(*this);
+  clipper.set_facet(facet);
+  clipper.start_ownerless();
+  add_fragment(facet, kNone, clipper);
+}
+
+void RestrictedPowerDiagram::make_site_grid() {
+  // Where radii are equal a cube holds about three sites of a surface.
+  const double radius = std::sqrt(std::sqrt(std::max(min_weight_, 0.0)) * std::sqrt(std::max(max_weight_, 0.0)));
+  const double side = radius > 0 ? 2 * radius : (high_ - low_).norm() / std::sqrt(static_cast<double>(num_sites()));
+  site_grid_ = detail::SiteGrid(side > 0 ? side : 1.0);
+  for (Index s = 0; s < num_sites(); ++s) {
+    if (!removed(s)) site_grid_.insert(site(s).position(), s);
+  }
+}
+
+/// The cell of `owner` in the facet that the clipper is set to.
+void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& clipper) const {
+  clipper.start(owner);
+  std::vector<Plane> planes;
+  const auto clip = [&] {
+    std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
+    clipper.clip_all(planes.data(), planes.data() + planes.size());
+    planes.clear();
+  };
+  const auto clip_by_all = [&] {
+    reach_lists_->for_each_sample(facet, [&](Index s) {
+      if (s != owner && takes_part(s)) planes.push_back(plane(owner, s));
+    });
+    clip();
+  };
+  if (site_grid_.empty() || reach_lists_->num_samples(facet) <= detail::kFewLocalSites) {
+    clip_by_all();
+    return;
+  }
+  const Vec3 x = site(owner).position();
+  for (std::int64_t before = -1, rings = 1; rings <= detail::kMaxSiteRings; before = rings, rings *= 2) {
+    site_grid_.visit_rings(x, before, rings, [&](Index s) {
+      if (s != owner && takes_part(s) && reach_lists_->reaches(s, facet)) planes.push_back(plane(owner, s));
+    });
+    clip();
+    if (clipper.empty()) return;
+    // Who is farther than this has its plane at least at the offset below: it grows with the distance.
+    const double distance = static_cast<double>(rings) * site_grid_.side();
+    const double offset = (distance * distance + site(owner).w - max_weight_) / (2 * distance);
+    if (offset * (1 - detail::kOffsetSlack) > clipper.security_radius()) return;
+  }
+  clip_by_all();
+}
+
+void RestrictedPowerDiagram::enter_local_facets(Index s) {
+  max_weight_ = std::max(max_weight_, site(s).w);
+  if (!site_grid_.empty()) site_grid_.insert(site(s).position(), s);
+  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+    // Its duplicate: no bisector tells the two apart.
+    if (v >= kSentinels && v != s + kSentinels && !takes_part(v - kSentinels)) give_local_facets_away(v - kSentinels);
+  }
+  if (takes_part(s)) {
+    Clipper clipper(*this);
+    for (const Index facet : reach_lists_->facets(s)) {
+      if (local(facet) && facet_error_[slot(facet)] >= 0 && fragment_of(facet, s) == kNone) enter_local_facet(facet, s, clipper);
+    }
+  }
+  localize_foreign(s);
+}
+
+void RestrictedPowerDiagram::enter_local_facet(Index facet, Index s, Clipper& clipper) {
+  if (reach_lists_->num_samples(facet) > detail::kFewLocalSites && site_grid_.empty()) make_site_grid();
+  clipper.set_facet(facet);
+  clip_locally(facet, s, clipper);
+  if (clipper.empty()) return;
+  const Index first = first_of_facet(facet);
+  if (first != kNone && fragments_[slot(first)].site == kNone) {
+    changed_.push_back(first);
+    free_fragment(first);
+  }
+  add_fragment(facet, s, clipper);
+  // It takes from those beyond its edges, and from whom these border on and are cut from.
+  std::vector<Index> queue;
+  const std::uint32_t stamp = new_stamp();
+  stamp_[slot(s + kSentinels)] = stamp;
+  const auto add_sites = [&](const Index* labels, std::size_t count) {
+    for (std::size_t k = 0; k < count; ++k) {
+      if (!is_site(labels[k]) || stamp_[slot(labels[k] + kSentinels)] == stamp) continue;
+      stamp_[slot(labels[k] + kSentinels)] = stamp;
+      queue.push_back(labels[k]);
+    }
+  };
+  if (clipper.labels().size() == 3 && std::none_of(clipper.labels().begin(), clipper.labels().end(), is_site)) {
+    // It owns all of the facet.
+    for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f)) add_sites(&fragments_[slot(f)].site, 1);
+  } else {
+    add_sites(clipper.labels().data(), clipper.labels().size());
+  }
+  for (std::size_t k = 0; k < queue.size(); ++k) {
+    const Index f = fragment_of(facet, queue[k]);
+    if (f == kNone) continue;
+    const Polygon old = polygon(f);
+    const std::vector<Index> labels(old.labels, old.labels + old.size);
+    clipper.load(old);
+    if (!clipper.clip(s)) continue;
+    changed_.push_back(f);
+    changed_sites_.push_back(queue[k]);
+    if (clipper.empty()) {
+      free_fragment(f);
+    } else {
+      store_polygon(fragments_[slot(f)], clipper);
+    }
+    add_sites(labels.data(), labels.size());
+  }
+}
+
+/// After the removal of s, which the lists still have.
+void RestrictedPowerDiagram::leave_local_facets(Index s) {
+  if (!site_grid_.empty()) site_grid_.remove(site(s).position(), s);
+  give_local_facets_away(s);
+  localize_foreign(kNone);
+}
+
+/// Divides what s, which takes no part any more, has in local facets.
+void RestrictedPowerDiagram::give_local_facets_away(Index s) {
+  std::vector<Index> left, candidates, owners;
+  for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
+    if (local(fragments_[slot(f)].facet)) left.push_back(f);
+  }
+  Clipper clipper(*this);
+  for (const Index f : left) {
+    find_local_candidates(f, candidates);
+    if (!candidates.empty()) {
+      divide_fragment(f, candidates, clipper, owners);
+      continue;
+    }
+    const Index facet = fragments_[slot(f)].facet;
+    changed_.push_back(f);
+    changed_sites_.push_back(s);
+    free_fragment(f);
+    add_ownerless_fragment(facet);
+  }
+}
+
+/// Those of a local facet that may own something of what fragment f leaves.
+void RestrictedPowerDiagram::find_local_candidates(Index f, std::vector<Index>& candidates) const {
+  const Fragment& fragment = fragments_[slot(f)];
+  const Index facet = fragment.facet;
+  if (!site_grid_.empty() && reach_lists_->num_samples(facet) > detail::kFewLocalSites) {
+    // At a point of the fragment its new owner has at most the power of whoever is beyond an edge.
+    const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
+    const double radius = fragment.radius + largest_facet_error_;
+    const Polygon left = polygon(f);
+    double max_power = INFINITY;
+    for (Index k = 0; k < left.size; ++k) {
+      if (!is_site(left.labels[k])) continue;
+      const WeightedPoint& p = site(left.labels[k]);
+      const double d = (p.position() - centre).norm() + radius;
+      max_power = std::min(max_power, d * d - p.w);
+    }
+    const double distance = (radius + std::sqrt(std::max(0.0, max_power + max_weight_))) * (1 + detail::kOffsetSlack);
+    if (distance <= static_cast<double>(detail::kMaxSiteRings) * site_grid_.side()) {
+      candidates.clear();
+      const auto rings = static_cast<std::int64_t>(std::ceil(distance / site_grid_.side()));
+      site_grid_.visit_rings(centre, -1, rings, [&](Index s) {
+        if (takes_part(s) && reach_lists_->reaches(s, facet)) candidates.push_back(s);
+      });
+      return;
+    }
+  }
+  list_local_sites(facet, candidates);
+}
+
+}  // namespace amps
