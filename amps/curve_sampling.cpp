@@ -1,0 +1,979 @@
+#define AMPS_OWN_SOURCE
+#include "amps/curve_sampling.h"
+
+#include "amps/box_tree.h"
+#include "amps/curve_proximity.h"
+#include "amps/predicates.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace amps::detail {
+
+std::vector<Index> homes_of(const SurfaceFlood& flood, const CurveSample& sample) {
+  return sample.vertex != kNone ? flood.homes_of_vertex(sample.vertex) : flood.homes_of_edge(sample.edge);
+}
+
+namespace {
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+
+// Rules of DESIGN §11, with their reasons.
+
+/// Of a corner's radius: outside of so much of it, the distance to another curve at the corner bounds the radius. Samples begin
+/// outside of all of it; the margin lets the radius come down before.
+constexpr double kWedgeStart = 0.9;
+/// Samples closer to curves than this share of the wanted radius keep it nevertheless, so that sampling ends.
+constexpr double kLeastShare = 1.0 / 1024;
+/// Of the lesser weight at a chord: what is left of it is the margin of its protection.
+constexpr double kWeightInUse = 0.97;
+/// Mean length of chords in radii, for estimates.
+constexpr double kMeanChord = 1.22;
+
+// Points of curves
+
+/// A point of a curve.
+struct CurvePlace {
+  SurfacePoint at;
+  std::size_t edge = MeshEdges::kNoEdge;  ///< kNoEdge: at a vertex
+  Index vertex = kNone;
+};
+
+/// The corner of a facet at a vertex, as a point of it.
+SurfacePoint corner_point(const MeshView& mesh, const SurfaceEdges& edges, Index facet, Index vertex) {
+  Vec3 barycentric = Vec3::Zero();
+  for (int k = 0; k < 3; ++k) {
+    if (edges.triangles()(facet, k) == vertex) barycentric[k] = 1;
+  }
+  return surface_point_at(mesh, facet, barycentric);
+}
+
+/// The number of the curve's edge that holds the point at this parameter in [0, length].
+std::size_t piece_at(const Curve& curve, double s) {
+  const auto after = std::upper_bound(curve.arc.begin() + 1, curve.arc.end() - 1, s);
+  return static_cast<std::size_t>(after - curve.arc.begin()) - 1;
+}
+
+CurvePlace place_on_curve(const MeshView& mesh, const SurfaceEdges& edges, const Curve& curve, double s) {
+  // So near to a vertex a point is at the vertex: rounding must not make another set of facets.
+  constexpr double kAtVertex = 0x1p-50;
+  const std::size_t piece = piece_at(curve, s);
+  const double length = curve.arc[piece + 1] - curve.arc[piece];
+  const double t = length > 0 ? std::min(1.0, std::max(0.0, (s - curve.arc[piece]) / length)) : 0;
+  const MeshEdge edge = edges[curve.edges[piece]];
+  const EdgeSide& side = edge[0];
+  CurvePlace place;
+  if (t < kAtVertex || t > 1 - kAtVertex) {
+    place.vertex = curve.vertices[t < kAtVertex ? piece : piece + 1];
+    place.at = corner_point(mesh, edges, side.facet, place.vertex);
+    return place;
+  }
+  const double from_low = curve.vertices[piece] == edge.low ? t : 1 - t;
+  Vec3 barycentric = Vec3::Zero();
+  barycentric[static_cast<Eigen::Index>(side.low_corner() % 3)] = 1 - from_low;
+  barycentric[static_cast<Eigen::Index>(side.high_corner() % 3)] = from_low;
+  place.at = surface_point_at(mesh, side.facet, barycentric);
+  place.edge = curve.edges[piece];
+  return place;
+}
+
+// The radius along a curve
+
+/// What the radius at a curve's two ends is, and the most that it may be between.
+struct CurveRadii {
+  std::array<double, 2> ends = {kInfinite, kInfinite};  ///< infinite: a closed curve
+  double most = kInfinite;
+};
+
+/// R along a curve, linear between nodes.
+class RadiusTable {
+ public:
+  struct Node {
+    double s;
+    double bound;                      ///< whatever the corners' radii are
+    std::array<double, 2> of_wedge;    ///< bounds outside of the disks of the corners at the ends
+    std::array<double, 2> to_corner;   ///< distances to the corners
+    double radius = 0;
+  };
+
+  void add(const Node& node) { nodes_.push_back(node); }
+  bool empty() const { return nodes_.empty(); }
+  void clear() { nodes_.clear(); }
+  const std::vector<Node>& nodes() const { return nodes_; }
+
+  /// R at s is at most `radius` from now on.
+  void lower(double s, double radius);
+  /// R, for a curve whose ends have these radii. O(nodes).
+  void update(const CurveRadii& radii, bool closed);
+  double at(double s) const;
+  double max() const;
+  /// ∫ds/R.
+  double integral() const;
+  /// The n − 1 places that cut the curve into n parts of equal ∫ds/R; fewer where rounding makes two of them one.
+  std::vector<double> cuts(int n) const;
+
+ private:
+  std::size_t interval(double s) const {
+    const auto after = std::upper_bound(nodes_.begin() + 1, nodes_.end() - 1, s,
+                                        [](double x, const Node& node) { return x < node.s; });
+    return static_cast<std::size_t>(after - nodes_.begin()) - 1;
+  }
+  double integral(std::size_t k) const {  // of an interval
+    return (nodes_[k + 1].s - nodes_[k].s) * 0.5 * (1 / nodes_[k].radius + 1 / nodes_[k + 1].radius);
+  }
+  static double between(double a, double b, double t) { return t <= 0 ? a : t >= 1 ? b : a + t * (b - a); }
+
+  std::vector<Node> nodes_;  ///< ascending; at least two
+};
+
+void RadiusTable::lower(double s, double radius) {
+  const std::size_t k = interval(s);
+  const Node &a = nodes_[k], &b = nodes_[k + 1];
+  const double t = (s - a.s) / (b.s - a.s);
+  Node node{s, radius, {}, {}};
+  for (const std::size_t e : {std::size_t{0}, std::size_t{1}}) {
+    node.of_wedge[e] = std::min(a.of_wedge[e], b.of_wedge[e]);
+    node.to_corner[e] = between(a.to_corner[e], b.to_corner[e], t);
+  }
+  if (!(t > 0)) {
+    nodes_[k].bound = std::min(nodes_[k].bound, radius);
+  } else if (!(t < 1)) {
+    nodes_[k + 1].bound = std::min(nodes_[k + 1].bound, radius);
+  } else {
+    nodes_.insert(nodes_.begin() + static_cast<std::ptrdiff_t>(k) + 1, node);
+  }
+}
+
+void RadiusTable::update(const CurveRadii& radii, bool closed) {
+  for (Node& node : nodes_) {
+    node.radius = std::min(node.bound, radii.most);
+    for (const std::size_t e : {std::size_t{0}, std::size_t{1}}) {
+      if (node.to_corner[e] >= kWedgeStart * radii.ends[e]) node.radius = std::min(node.radius, node.of_wedge[e]);
+    }
+  }
+  nodes_.front().radius = std::min(nodes_.front().radius, radii.ends[0]);
+  nodes_.back().radius = std::min(nodes_.back().radius, radii.ends[1]);
+  for (int round = 0; round < (closed ? 2 : 1); ++round) {
+    if (closed) nodes_.front().radius = nodes_.back().radius = std::min(nodes_.front().radius, nodes_.back().radius);
+    for (std::size_t k = 1; k < nodes_.size(); ++k) {
+      const double step = nodes_[k].s - nodes_[k - 1].s;
+      nodes_[k].radius = std::min(nodes_[k].radius, nodes_[k - 1].radius + kCurveGradation * step);
+    }
+    for (std::size_t k = nodes_.size() - 1; k-- > 0;) {
+      const double step = nodes_[k + 1].s - nodes_[k].s;
+      nodes_[k].radius = std::min(nodes_[k].radius, nodes_[k + 1].radius + kCurveGradation * step);
+    }
+  }
+}
+
+double RadiusTable::at(double s) const {
+  const std::size_t k = interval(s);
+  const Node &a = nodes_[k], &b = nodes_[k + 1];
+  return b.s > a.s ? between(a.radius, b.radius, (s - a.s) / (b.s - a.s)) : std::min(a.radius, b.radius);
+}
+
+double RadiusTable::max() const {
+  double most = 0;
+  for (const Node& node : nodes_) most = std::max(most, node.radius);
+  return most;
+}
+
+double RadiusTable::integral() const {
+  double sum = 0;
+  for (std::size_t k = 0; k + 1 < nodes_.size(); ++k) sum += integral(k);
+  return sum;
+}
+
+std::vector<double> RadiusTable::cuts(int n) const {
+  std::vector<double> places;
+  const double share = integral() / n;
+  double sum = 0, last = nodes_.front().s;
+  for (std::size_t k = 0; k + 1 < nodes_.size(); ++k) {
+    const double here = integral(k);
+    while (static_cast<int>(places.size()) < n - 1) {
+      const double next = share * static_cast<double>(places.size() + 1);
+      if (next >= sum + here) break;
+      const double s = between(nodes_[k].s, nodes_[k + 1].s, (next - sum) / here);
+      if (!(s > last)) break;
+      places.push_back(s);
+      last = s;
+    }
+    sum += here;
+  }
+  while (!places.empty() && !(places.back() < nodes_.back().s)) places.pop_back();
+  return places;
+}
+
+// Spacing
+
+/// A place where a curve may have a sample.
+struct CurveStop {
+  double s;  ///< on a closed curve beyond its length after the start is passed again
+  double radius;
+  Vec3 position;
+};
+
+/// No sample in the other's disk, whatever rounding does to the distance; protected, with a margin.
+bool may_be_neighbours(const CurveStop& p, const CurveStop& q, double squared_distance) {
+  constexpr double kBelowRounding = 1 - 0x1p-50;  // as in radius_below()
+  const double a = p.radius * p.radius, b = q.radius * q.radius;
+  const double most = std::max(a, b) + kWeightInUse * std::min(a, b);
+  return std::max(a, b) <= squared_distance * kBelowRounding && squared_distance <= most;
+}
+
+/// What one curve is sampled with.
+struct CurveTask {
+  const MeshView& mesh;
+  const SurfaceEdges& edges;
+  const Curve& curve;
+  const RadiusTable& table;
+  const WantedRadii& wanted;
+  const CapField* limits;
+
+  double wrapped(double s) const {
+    return curve.closed && s > curve.length() ? std::min(s - curve.length(), curve.length()) : s;
+  }
+  CurvePlace place(double s) const { return place_on_curve(mesh, edges, curve, wrapped(s)); }
+  CurveStop stop(double s) const {
+    const SurfacePoint at = place(s).at;
+    double radius = std::min(table.at(wrapped(s)), wanted.at(at));
+    if (limits != nullptr) radius = limits->at(at.position, radius);
+    return {s, radius, at.position};
+  }
+  double sagitta(const CurveStop& p, const CurveStop& q) const;
+};
+
+/// The farthest that the curve's vertices between two of its points are from the line through these.
+double CurveTask::sagitta(const CurveStop& p, const CurveStop& q) const {
+  const Vec3 u = q.position - p.position;
+  const double length = u.norm();
+  const std::size_t n = curve.edges.size();
+  double farthest = 0;
+  std::size_t k = piece_at(curve, wrapped(p.s)) + 1;
+  for (double turns = p.s - wrapped(p.s);;) {  // lengths of the curve that are behind
+    if (k > n) {
+      if (!curve.closed) break;
+      turns += curve.length();
+      k = 1;
+    }
+    if (curve.arc[k] + turns >= q.s) break;
+    const Vec3 x = mesh.vertices[curve.vertices[k]] - p.position;
+    farthest = std::max(farthest, length > 0 ? x.cross(u).norm() / length : x.norm());
+    ++k;
+  }
+  return farthest;
+}
+
+/// Beyond the protection of a straight piece, what always sufficed for a curved one: 4hρ ≤ w_p + w_q − d², h the sagitta, ρ the
+/// half-chord at d/2 of a disk of 1.15 times the greater radius.
+bool is_surely_kept(const CurveTask& task, const CurveStop& p, const CurveStop& q) {
+  const double d2 = (q.position - p.position).squaredNorm();
+  const double reach = 1.15 * std::max(p.radius, q.radius);
+  const double slack = p.radius * p.radius + q.radius * q.radius - d2;
+  const double width = 4 * std::sqrt(std::max(0.0, reach * reach - d2 / 4));
+  const double arc = q.s - p.s;
+  // No curve of this length is farther from its chord than an ellipse with the ends for foci.
+  if (width * std::sqrt(std::max(0.0, arc * arc - d2)) / 2 <= slack) return true;
+  return width * task.sagitta(p, q) <= slack;
+}
+
+/// Stops per radius: a chord has some six to choose from.
+constexpr double kStopsPerRadius = 16;
+/// Chords are sought within so many radii of way along the curve.
+constexpr double kLongestWay = 2.5;
+
+/// Appends stops where a chord from `end` would have a length that it may have, where the radius there is much less than that
+/// of the end: that window is narrow. `sign`: the way along the curve.
+void add_window(const CurveTask& task, const CurveStop& end, double sign, double way, Rng& rng, std::vector<CurveStop>& stops) {
+  constexpr double kMuchLess = 0.8;
+  constexpr int kStopsOfWindow = 12, kHalvings = 40;
+  const double step = end.radius / kStopsPerRadius;
+  const auto squared = [&](const CurveStop& q) { return (q.position - end.position).squaredNorm(); };
+  // The least way from `from` on, up to rounding, at which a condition that the end does not fulfil comes to hold.
+  const auto first_where = [&](double from, const auto& holds) {
+    double low = from, high = from;
+    while (!holds(task.stop(end.s + sign * high))) {
+      if (high >= way) return kInfinite;
+      low = high;
+      high = std::min(way, high + step);
+    }
+    for (int k = 0; k < kHalvings && low < high; ++k) {
+      const double middle = low + (high - low) / 2;
+      (holds(task.stop(end.s + sign * middle)) ? high : low) = middle;
+    }
+    return high;
+  };
+  const double begin = first_where(0, [&](const CurveStop& q) { return squared(q) > end.radius * end.radius; });
+  if (begin == kInfinite || task.stop(end.s + sign * begin).radius > kMuchLess * end.radius) return;
+  double last = first_where(begin, [&](const CurveStop& q) {
+    return squared(q) > end.radius * end.radius + kWeightInUse * q.radius * q.radius;
+  });
+  last = std::min(last, way);
+  for (int k = 0; k < kStopsOfWindow; ++k) {
+    const double at = begin + (last - begin) * (k + rng.uniform()) / kStopsOfWindow;
+    if (at > 0 && at < way) stops.push_back(task.stop(end.s + sign * at));
+  }
+}
+
+/// Places along the curve from one to another, ends included.
+std::vector<CurveStop> stops_between(const CurveTask& task, const CurveStop& first, const CurveStop& last, Rng& rng) {
+  std::vector<CurveStop> stops = {first};
+  const double step_at_end = 1 / kStopsPerRadius;
+  CurveStop at = first;
+  at.radius = std::min(at.radius, task.table.at(task.wrapped(first.s)));
+  for (double share = rng.uniform();; share = 1) {
+    const double s = at.s + std::max(share, 0x1p-10) * step_at_end * at.radius;
+    if (!(s < last.s) || s == at.s) break;
+    at = task.stop(s);
+    stops.push_back(at);
+  }
+  add_window(task, first, 1, last.s - first.s, rng, stops);
+  add_window(task, last, -1, last.s - first.s, rng, stops);
+  std::sort(stops.begin(), stops.end(), [](const CurveStop& a, const CurveStop& b) { return a.s < b.s; });
+  const auto not_ascending = [](const CurveStop& a, const CurveStop& b) { return !(a.s < b.s); };
+  stops.erase(std::unique(stops.begin(), stops.end(), not_ascending), stops.end());
+  while (!(stops.back().s < last.s)) stops.pop_back();
+  stops.push_back(last);
+  return stops;
+}
+
+/// visit(q) for the stops that a chord from stop p may go to.
+template <class Visit>
+void for_each_next(const std::vector<CurveStop>& stops, std::size_t p, const Visit& visit) {
+  const CurveStop& from = stops[p];
+  const std::size_t last = stops.size() - 1;
+  const auto squared = [&](std::size_t q) { return (stops[q].position - from.position).squaredNorm(); };
+  const double begin = from.s + from.radius * (1 - 0x1p-30), end = from.s + kLongestWay * from.radius;
+  const auto first = std::lower_bound(stops.begin() + static_cast<std::ptrdiff_t>(p) + 1, stops.end() - 1, begin,
+                                      [](const CurveStop& stop, double s) { return stop.s < s; });
+  for (std::size_t q = static_cast<std::size_t>(first - stops.begin()); q < last && stops[q].s <= end; ++q) {
+    const double d2 = squared(q);
+    const double most = from.radius + kCurveGradation * (stops[q].s - from.s);  // of all radii to come within this way
+    if (d2 > from.radius * from.radius + most * most) break;
+    if (may_be_neighbours(from, stops[q], d2)) visit(q);
+  }
+  // The end may have a far greater radius.
+  const double way = stops[last].s - from.s;
+  if (p < last && way <= kLongestWay * std::max(from.radius, stops[last].radius) &&
+      may_be_neighbours(from, stops[last], squared(last))) {
+    visit(last);
+  }
+}
+
+/// Of each stop, into how many pieces the rest of the curve can be cut at most, or kManyPieces if more; −1: it cannot.
+constexpr signed char kManyPieces = 3;
+std::vector<signed char> most_pieces(const std::vector<CurveStop>& stops) {
+  std::vector<signed char> most(stops.size(), -1);
+  most.back() = 0;
+  for (std::size_t p = stops.size() - 1; p-- > 0;) {
+    for_each_next(stops, p, [&](std::size_t q) {
+      if (most[q] < 0) return;
+      most[p] = std::max(most[p], static_cast<signed char>(std::min<int>(kManyPieces, most[q] + 1)));
+    });
+  }
+  return most;
+}
+
+/// What came of an attempt to space a curve.
+struct Spacing {
+  bool done = false;
+  std::vector<CurveStop> samples;  ///< from the start to the end, both included
+  double stuck_at = 0;             ///< if not done: no chord leads there from nearer to the start
+};
+
+/// Samples from one place to another, in at least so many pieces: each at random among the stops from which the end can be got
+/// to. So whatever can be spaced is spaced, in corners' windows, between close corners and over peaks of R alike; adding pieces
+/// of equal shares of ∫ds/R, by contrast, fails where none of these does fit.
+Spacing space_between(const CurveTask& task, const CurveStop& first, const CurveStop& last, int least_pieces, Rng& rng) {
+  Spacing result;
+  const double d2 = (last.position - first.position).squaredNorm();
+  if (least_pieces <= 1 && may_be_neighbours(first, last, d2) && is_surely_kept(task, first, last)) {
+    result.done = true;
+    result.samples = {first, last};
+    return result;
+  }
+  const std::vector<CurveStop> stops = stops_between(task, first, last, rng);
+  const std::vector<signed char> most = most_pieces(stops);
+  if (most[0] < least_pieces) {
+    std::size_t reached = 0;
+    while (reached + 1 < stops.size() && most[reached] < 0) ++reached;
+    result.stuck_at = stops[reached].s;
+    return result;
+  }
+  std::vector<std::size_t> choice, kept;
+  result.samples.push_back(first);
+  for (std::size_t p = 0; p + 1 < stops.size();) {
+    choice.clear();
+    for_each_next(stops, p, [&](std::size_t q) {
+      if (most[q] >= 0 && most[q] >= least_pieces - 1) choice.push_back(q);
+    });
+    kept.clear();
+    for (const std::size_t q : choice) {
+      if (is_surely_kept(task, stops[p], stops[q])) kept.push_back(q);
+    }
+    if (!kept.empty()) choice.swap(kept);
+    // The end has no width among the stops, so it would hardly ever be chosen, and what is left then is short.
+    p = choice.back() + 1 == stops.size() ? choice.back() : choice[static_cast<std::size_t>(rng.below(choice.size()))];
+    --least_pieces;
+    result.samples.push_back(stops[p]);
+  }
+  result.done = true;
+  return result;
+}
+
+/// The same for a curve of any length: a long one is cut at places that get a sample, so that stops need no more memory than a
+/// section has.
+Spacing space_by_sections(const CurveTask& task, const CurveStop& first, const CurveStop& last, int least_pieces, Rng& rng,
+                          const Execution& run) {
+  constexpr double kRadiiOfSection = 500, kLeastRadii = 20;
+  const int sections = static_cast<int>(std::ceil(task.table.integral() / kRadiiOfSection));
+  if (sections < 2) return space_between(task, first, last, least_pieces, rng);
+  std::vector<double> cuts = task.table.cuts(sections);
+  for (double& s : cuts) {
+    s += (rng.uniform() - 0.5) * kLeastRadii / 2 * task.table.at(s);
+    if (s < first.s) s += task.curve.length();  // of a closed curve: those behind the start come last
+  }
+  std::sort(cuts.begin(), cuts.end());
+  Spacing result;
+  result.samples.push_back(first);
+  cuts.push_back(last.s);
+  for (std::size_t k = 0; k < cuts.size(); ++k) {
+    run.check();
+    const bool is_last = k + 1 == cuts.size();
+    const CurveStop from = result.samples.back();
+    const CurveStop to = is_last ? last : task.stop(cuts[k]);
+    if (!is_last && std::min(to.s - from.s, last.s - to.s) < kLeastRadii * to.radius) continue;  // too short a section
+    const Spacing section = space_between(task, from, to, 1, rng);
+    if (!section.done) return section;
+    result.samples.insert(result.samples.end(), section.samples.begin() + 1, section.samples.end());
+  }
+  result.done = true;
+  return result;
+}
+
+// All curves
+
+/// Attempts and rounds after which a curve is left as it is. Each lowers something by a tenth or so.
+constexpr int kMaxLowerings = 100, kMaxRounds = 60;
+/// A curve of more radii may be lowered less often, so that none takes seconds.
+constexpr double kRadiiPerLowering = 1e4;
+/// A step down.
+constexpr double kLowered = 0.9;
+/// Of the time: what is done before the first curve is sampled, and when all have been once.
+constexpr double kProgressBefore = 0.05, kProgressSpaced = 0.9;
+
+class CurveSampler {
+ public:
+  CurveSampler(const MeshView& mesh, const CurveGraph& graph, const SurfaceFlood& flood, const WantedRadii& wanted,
+               const CurveSamplingOptions& options, const Execution& run);
+
+  CurveSamples run();
+
+ private:
+  struct State {
+    RadiusTable table;
+    std::vector<std::pair<double, double>> lowered;  ///< parameters and radii that the table was lowered to there
+    std::array<double, 2> ends_of_table = {kInfinite, kInfinite};  ///< the corners' radii that the table was made for
+    std::array<bool, 2> has_wedge = {false, false};
+    double most = kInfinite;
+    int least_pieces = 1;
+    int lowerings = 0;
+    std::uint64_t attempts = 0;
+    bool given_up = false;
+    std::vector<CurveStop> samples;  ///< both ends included
+  };
+  struct Corner {
+    SurfacePoint at;
+    double radius = 0, wanted = 0;
+    std::vector<Index> curves;
+  };
+  /// A sample by its place in the states: of curve `curve` number `number`, or of corner `number`.
+  struct Place {
+    Index curve, number;
+  };
+
+  double wanted_at(const SurfacePoint& at) const {
+    const double r = wanted_.at(at);
+    return options_.limits == nullptr ? r : options_.limits->at(at.position, r);
+  }
+  const Curve& curve(Index c) const { return graph_.curves[slot(c)]; }
+  std::array<Index, 2> corners_of(Index c) const { return {curve(c).first_corner, curve(c).last_corner}; }
+  CurveTask task(Index c) const {
+    return {mesh_, flood_.edges(), curve(c), states_[slot(c)].table, wanted_, options_.limits};
+  }
+  CurveRadii radii_of(Index c) const;
+
+  void require_few(double radii_of_way) const;
+  void count_pieces();
+  void prepare_corners();
+  void make_table(Index c);
+  RadiusTable::Node make_node(Index c, double s, double bound);
+
+  void settle();
+  Spacing try_to_space(Index c, const CurveRadii& radii);
+  bool lower_all(Index c);
+  void lower_at(Index c, double s);
+  void lower_table(Index c, double s, double radius) {
+    states_[slot(c)].lowered.emplace_back(s, radius);
+    states_[slot(c)].table.lower(s, radius);
+  }
+  void lower_corner(Index corner, double radius, Index except = kNone);
+  void give_up(Index c);
+
+  bool resolve_conflicts(int round);
+  CurveSample sample_at(const Place& place) const;
+  CurveSamples collect() const;
+  void find_conflicts(const std::vector<CurveSample>& samples, std::vector<std::pair<Index, double>>& conflicts);
+  void finish(CurveSamples& result);
+  void measure(CurveSamples& result) const;
+
+  const MeshView& mesh_;
+  const CurveGraph& graph_;
+  const SurfaceFlood& flood_;
+  const WantedRadii& wanted_;
+  const CurveSamplingOptions& options_;
+  Execution run_;
+  CurveProximity proximity_;
+  SurfaceFlood::Scratch scratch_;
+  std::vector<Corner> corners_;
+  std::vector<State> states_;
+  std::set<std::pair<double, Index>> waiting_;  ///< curves to be sampled, by length: short ones decide about their corners
+  std::uint64_t placings_ = 0, settled_ = 0;
+  Index rounds_ = 0;
+};
+
+CurveSampler::CurveSampler(const MeshView& mesh, const CurveGraph& graph, const SurfaceFlood& flood, const WantedRadii& wanted,
+                           const CurveSamplingOptions& options, const Execution& run)
+    : mesh_(mesh),
+      graph_(graph),
+      flood_(flood),
+      wanted_(wanted),
+      options_(options),
+      run_(run),
+      proximity_(graph, flood, run.part(0, kProgressBefore)),
+      scratch_(run),
+      corners_(graph.corners.size()),
+      states_(graph.curves.size()) {}
+
+CurveRadii CurveSampler::radii_of(Index c) const {
+  CurveRadii radii;
+  if (!curve(c).closed) {
+    radii.ends = {corners_[slot(curve(c).first_corner)].radius, corners_[slot(curve(c).last_corner)].radius};
+  }
+  radii.most = states_[slot(c)].most;
+  return radii;
+}
+
+/// Throws if so much of curves, in radii, needs more samples than are allowed.
+void CurveSampler::require_few(double radii_of_way) const {
+  const double samples = radii_of_way / kMeanChord;
+  if (samples <= options_.max_samples) return;
+  throw Error(ErrorCode::kTooLarge, "curves: they need more than " + number_text(options_.max_samples) +
+                                        " samples, so long are they beside the wanted radius or so close to each other; choose "
+                                        "a greater radius, or keep fewer curves");
+}
+
+/// How many pieces each curve needs, so that no two edges of curves have the same ends.
+void CurveSampler::count_pieces() {
+  std::vector<std::array<Index, 3>> by_ends;
+  for (Index c = 0; c < static_cast<Index>(states_.size()); ++c) {
+    const auto [a, b] = corners_of(c);
+    if (curve(c).closed || a == b) {
+      states_[slot(c)].least_pieces = 3;
+    } else {
+      by_ends.push_back({std::min(a, b), std::max(a, b), c});
+    }
+  }
+  std::sort(by_ends.begin(), by_ends.end());
+  for (std::size_t k = 1; k < by_ends.size(); ++k) {
+    if (by_ends[k][0] != by_ends[k - 1][0] || by_ends[k][1] != by_ends[k - 1][1]) continue;
+    states_[slot(by_ends[k][2])].least_pieces = states_[slot(by_ends[k - 1][2])].least_pieces = 2;
+  }
+}
+
+void CurveSampler::prepare_corners() {
+  for (Index c = 0; c < static_cast<Index>(states_.size()); ++c) {
+    if (curve(c).closed) continue;
+    const auto [a, b] = corners_of(c);
+    corners_[slot(a)].curves.push_back(c);
+    if (a != b) corners_[slot(b)].curves.push_back(c);
+  }
+  for (std::size_t k = 0; k < corners_.size(); ++k) {
+    Corner& corner = corners_[k];
+    const Index vertex = graph_.corners[k];
+    PlacedPoint at{flood_.position(vertex), flood_.homes_of_vertex(vertex)};
+    if (at.homes.empty()) {
+      throw Error(ErrorCode::kInvalidArgument, "curves: vertex " + std::to_string(vertex) +
+                                                   " is marked as a corner, but no facet has it; mark vertices of facets");
+    }
+    corner.at = corner_point(mesh_, flood_.edges(), at.homes.front(), vertex);
+    corner.wanted = corner.radius = wanted_at(corner.at);
+    for (const Index c : corner.curves) {
+      corner.radius = std::min(corner.radius, curve(c).length() / states_[slot(c)].least_pieces);
+    }
+    const double least = kLeastShare * corner.wanted;
+    const double clear = proximity_.of_corner(static_cast<Index>(k), at, corner.radius);
+    corner.radius = std::min(corner.radius, std::max(least, clear));
+  }
+}
+
+RadiusTable::Node CurveSampler::make_node(Index c, double s, double bound) {
+  const CurvePlace place = place_on_curve(mesh_, flood_.edges(), curve(c), s);
+  const double wanted = wanted_at(place.at);
+  PlacedPoint at{place.at.position, place.vertex != kNone ? flood_.homes_of_vertex(place.vertex)
+                                                          : flood_.homes_of_edge(place.edge)};
+  bound = std::min(bound, wanted);
+  const Clearance clear = proximity_.of_curve(c, s, at, bound);
+  const double least = std::min(bound, kLeastShare * wanted);
+  RadiusTable::Node node{s, std::min(bound, std::max(least, clear.of_others)), clear.of_wedge, {kInfinite, kInfinite}};
+  for (const std::size_t e : {std::size_t{0}, std::size_t{1}}) {
+    node.of_wedge[e] = std::max(least, node.of_wedge[e]);
+    if (!curve(c).closed) node.to_corner[e] = (at.position - corners_[slot(corners_of(c)[e])].at.position).norm();
+  }
+  return node;
+}
+
+/// Nodes from start to end, a part of the radius apart; within the corners' disks, of the corner's radius.
+void CurveSampler::make_table(Index c) {
+  constexpr double kNodesPerRadius = 4, kNodesInCorner = 16;
+  State& state = states_[slot(c)];
+  const CurveRadii radii = radii_of(c);
+  state.ends_of_table = radii.ends;
+  state.table.clear();
+  const double length = curve(c).length();
+  const double bound = length / state.least_pieces;
+  double radii_of_way = 0;
+  std::uint64_t nodes = 0;
+  for (double s = 0;;) {
+    if (nodes++ % Ticker::kUnitsPerLook == 0) run_.check();
+    RadiusTable::Node node = make_node(c, s, bound);
+    // At its own end a corner's curves are all at distance 0.
+    if (s == 0 || s == length) node.bound = std::min(bound, wanted_at(place_on_curve(mesh_, flood_.edges(), curve(c), s).at));
+    double step = std::min(node.bound, length) / kNodesPerRadius;
+    for (const std::size_t e : {std::size_t{0}, std::size_t{1}}) {
+      state.has_wedge[e] = state.has_wedge[e] || node.of_wedge[e] < kInfinite;
+      if (curve(c).closed) continue;
+      const bool in_corner = node.to_corner[e] < kWedgeStart * radii.ends[e];
+      if (in_corner && state.has_wedge[e]) step = std::min(step, radii.ends[e] / kNodesInCorner);
+      if (!in_corner) step = std::min(step, node.of_wedge[e] / kNodesPerRadius);
+    }
+    state.table.add(node);
+    if (!(s < length)) break;
+    radii_of_way += std::min(step, length - s) / node.bound;
+    require_few(radii_of_way);
+    s = s + step < length && s + step > s ? s + step : length;
+  }
+  for (const auto& [s, radius] : state.lowered) state.table.lower(s, radius);
+}
+
+/// Samples with these radii, or says where that fails.
+Spacing CurveSampler::try_to_space(Index c, const CurveRadii& radii) {
+  constexpr int kStarts = 4;
+  State& state = states_[slot(c)];
+  ++placings_;
+  run_.check();
+  state.table.update(radii, curve(c).closed);
+  require_few(state.table.integral());
+  const CurveTask task = this->task(c);
+  Rng rng(scramble(options_.seed ^ scramble(static_cast<std::uint64_t>(c) + 1)) + state.attempts++);
+  if (!curve(c).closed) {
+    const CurveStop first{0, radii.ends[0], corners_[slot(curve(c).first_corner)].at.position};
+    const CurveStop last{curve(c).length(), radii.ends[1], corners_[slot(curve(c).last_corner)].at.position};
+    return space_by_sections(task, first, last, state.least_pieces, rng, run_);
+  }
+  Spacing spacing;
+  for (int k = 0; k < kStarts && !spacing.done; ++k) {
+    const CurveStop first = task.stop(rng.uniform() * curve(c).length());
+    CurveStop last = first;
+    last.s += curve(c).length();
+    spacing = space_by_sections(task, first, last, state.least_pieces, rng, run_);
+  }
+  return spacing;
+}
+
+/// The corner's radius is this or less; its curves but one have to be sampled anew.
+void CurveSampler::lower_corner(Index corner, double radius, Index except) {
+  Corner& at = corners_[slot(corner)];
+  if (!(radius < at.radius)) return;
+  at.radius = radius;
+  for (const Index c : at.curves) {
+    if (c != except) waiting_.insert({curve(c).length(), c});
+  }
+}
+
+/// Lowers the greatest radii of a short curve and its corners to the first of a falling sequence with which it can be spaced.
+bool CurveSampler::lower_all(Index c) {
+  State& state = states_[slot(c)];
+  CurveRadii radii = radii_of(c);
+  double most = state.table.max();
+  if (!curve(c).closed) most = std::max({most, radii.ends[0], radii.ends[1]});
+  most = std::min(most, curve(c).length() / state.least_pieces);
+  for (int k = 0; k < kMaxLowerings; ++k) {
+    most *= kLowered;
+    for (double& r : radii.ends) r = curve(c).closed ? r : std::min(r, most);
+    radii.most = std::min(radii.most, most);
+    Spacing spacing = try_to_space(c, radii);
+    if (!spacing.done) continue;
+    state.most = radii.most;
+    state.samples = std::move(spacing.samples);
+    if (!curve(c).closed) {
+      lower_corner(curve(c).first_corner, radii.ends[0], c);
+      lower_corner(curve(c).last_corner, radii.ends[1], c);
+    }
+    return true;
+  }
+  return false;
+}
+
+/// Lowers what is before a place that no chord leads to, and has the curve sampled again.
+void CurveSampler::lower_at(Index c, double s) {
+  State& state = states_[slot(c)];
+  const double length = curve(c).length();
+  waiting_.insert({length, c});
+  const double in_curve = curve(c).closed && s > length ? s - length : s;
+  const double before = std::max(0.0, in_curve - state.table.at(in_curve) / 2);
+  if (!curve(c).closed) {
+    const double first = corners_[slot(curve(c).first_corner)].radius, last = corners_[slot(curve(c).last_corner)].radius;
+    if (before < kLongestWay * first && before < length / 2) lower_corner(curve(c).first_corner, kLowered * first);
+    if (length - before < kLongestWay * last && before > length / 2) lower_corner(curve(c).last_corner, kLowered * last);
+  }
+  lower_table(c, before, kLowered * state.table.at(before));
+}
+
+/// The curve is sampled by equal shares; what that breaks is mended or listed at the end.
+void CurveSampler::give_up(Index c) {
+  constexpr double kMostPieces = 1 << 16;
+  State& state = states_[slot(c)];
+  state.given_up = true;
+  state.table.update(radii_of(c), curve(c).closed);
+  const double wanted = std::min(kMostPieces, state.table.integral() / kMeanChord);
+  const CurveTask task = this->task(c);
+  state.samples = {task.stop(0)};
+  for (const double s : state.table.cuts(std::max(state.least_pieces, static_cast<int>(std::ceil(wanted))))) {
+    state.samples.push_back(task.stop(s));
+  }
+  state.samples.push_back(task.stop(curve(c).length()));
+}
+
+/// Samples the curves that wait, and those that this lowers corners of, until none waits. Each time that a curve cannot be
+/// spaced its greatest radius falls by a tenth, and after kMaxLowerings it is given up: so this ends.
+void CurveSampler::settle() {
+  constexpr double kShort = 12;  // in radii
+  while (!waiting_.empty()) {
+    const Index c = waiting_.begin()->second;
+    waiting_.erase(waiting_.begin());
+    const double share = std::min(1.0, static_cast<double>(++settled_) / static_cast<double>(states_.size()));
+    run_.report(kProgressBefore + (kProgressSpaced - kProgressBefore) * share);
+    State& state = states_[slot(c)];
+    const CurveRadii radii = radii_of(c);
+    bool outdated = state.table.empty();
+    for (const std::size_t e : {std::size_t{0}, std::size_t{1}}) {
+      outdated = outdated || (state.has_wedge[e] && radii.ends[e] < state.ends_of_table[e] / 2);
+    }
+    if (outdated) make_table(c);
+    if (state.given_up) {
+      give_up(c);
+      continue;
+    }
+    Spacing spacing = try_to_space(c, radii);
+    if (spacing.done) {
+      state.samples = std::move(spacing.samples);
+      continue;
+    }
+    const double greatest = curve(c).closed ? state.table.max() : std::max({state.table.max(), radii.ends[0], radii.ends[1]});
+    state.lowerings += 1 + static_cast<int>(state.table.integral() / kRadiiPerLowering);
+    if (state.lowerings > kMaxLowerings) {
+      give_up(c);
+    } else if (curve(c).length() > kShort * greatest) {
+      lower_at(c, spacing.stuck_at);
+    } else if (!lower_all(c)) {
+      give_up(c);
+    }
+  }
+}
+
+CurveSample CurveSampler::sample_at(const Place& place) const {
+  CurveSample result;
+  if (place.curve == kNone) {
+    const Corner& corner = corners_[slot(place.number)];
+    result.sample = {corner.at, corner.radius};
+    result.corner = place.number;
+    result.vertex = graph_.corners[slot(place.number)];
+    return result;
+  }
+  const CurveStop& stop = states_[slot(place.curve)].samples[slot(place.number)];
+  const CurveTask of_curve = task(place.curve);
+  const CurvePlace at = of_curve.place(stop.s);
+  result.sample = {at.at, stop.radius};
+  result.curve = place.curve;
+  result.parameter = of_curve.wrapped(stop.s);
+  result.edge = at.edge;
+  result.vertex = at.vertex;
+  return result;
+}
+
+/// Samples and pairs as they are now. A closed curve begins with its sample of the least parameter.
+CurveSamples CurveSampler::collect() const {
+  CurveSamples result;
+  for (Index k = 0; k < static_cast<Index>(corners_.size()); ++k) result.samples.push_back(sample_at({kNone, k}));
+  result.first_edge.push_back(0);
+  for (Index c = 0; c < static_cast<Index>(states_.size()); ++c) {
+    const Index begin = static_cast<Index>(result.samples.size());
+    const Index inner = static_cast<Index>(states_[slot(c)].samples.size()) - 1;  // without the last
+    for (Index k = curve(c).closed ? 0 : 1; k < inner; ++k) result.samples.push_back(sample_at({c, k}));
+    if (curve(c).closed) {
+      const auto before = [](const CurveSample& a, const CurveSample& b) { return a.parameter < b.parameter; };
+      std::rotate(result.samples.begin() + begin,
+                  std::min_element(result.samples.begin() + begin, result.samples.end(), before), result.samples.end());
+    }
+    const Index end = static_cast<Index>(result.samples.size());
+    Index last = curve(c).closed ? kNone : curve(c).first_corner;
+    for (Index s = begin; s < end; ++s) {
+      if (last != kNone) result.edges.push_back({last, s});
+      last = s;
+    }
+    if (last != kNone) result.edges.push_back({last, curve(c).closed ? begin : curve(c).last_corner});
+    result.first_edge.push_back(result.edges.size());
+  }
+  return result;
+}
+
+/// Samples whose disks hold others, with the distance of the nearest of these squared; ascending.
+void CurveSampler::find_conflicts(const std::vector<CurveSample>& samples, std::vector<std::pair<Index, double>>& conflicts) {
+  conflicts.clear();
+  std::vector<BoxItem> items;
+  items.reserve(samples.size());
+  for (const CurveSample& sample : samples) items.push_back({sample.sample.position(), sample.sample.position()});
+  const BoxTree tree(items);
+  Ticker ticker(run_.part(kProgressSpaced, 1), samples.size());
+  for (Index s = 0; s < static_cast<Index>(samples.size()); ++s) {
+    ticker.tick();
+    const Sample& sample = samples[slot(s)].sample;
+    const double weight = sample.radius * sample.radius;
+    PlacedPoint from;
+    double nearest = kInfinite;
+    constexpr double kAboveRounding = 1 + 0x1p-40;
+    tree.search(sample.position(), 1, sample.radius * kAboveRounding, [&](Index other, double&) {
+      const Vec3& x = samples[slot(other)].sample.position();
+      if (other == s || side_of_ball(x.data(), sample.position().data(), weight) >= 0) return;
+      const double d2 = (x - sample.position()).squaredNorm();
+      if (d2 >= nearest) return;
+      if (from.homes.empty()) from = {sample.position(), homes_of(flood_, samples[slot(s)])};
+      if (flood_.holds(from, weight, {x, homes_of(flood_, samples[slot(other)])}, scratch_)) nearest = d2;
+    });
+    if (nearest < kInfinite) conflicts.emplace_back(s, nearest);
+  }
+}
+
+/// Has curves sampled anew whose disks hold samples of others: at first with the same radii, then with lower ones. False if
+/// there is nothing to do about it, or nothing that could be done.
+bool CurveSampler::resolve_conflicts(int round) {
+  constexpr int kRoundsOfChance = 2;
+  constexpr double kOfDistance = 0.95;
+  const CurveSamples now = collect();
+  std::vector<std::pair<Index, double>> conflicts;
+  find_conflicts(now.samples, conflicts);
+  for (const auto& [s, d2] : conflicts) {
+    const CurveSample& sample = now.samples[slot(s)];
+    const double radius = kOfDistance * std::sqrt(d2);
+    if (radius < kLeastShare * wanted_at(sample.sample.at)) continue;
+    if (sample.corner != kNone) {
+      lower_corner(sample.corner, radius);
+      continue;
+    }
+    if (round >= kRoundsOfChance) lower_table(sample.curve, sample.parameter, radius);
+    waiting_.insert({curve(sample.curve).length(), sample.curve});
+  }
+  return !waiting_.empty();
+}
+
+/// What conflicts are left are ended by lowering radii to distances: nothing else is then promised for these samples.
+void CurveSampler::finish(CurveSamples& result) {
+  std::vector<std::pair<Index, double>> conflicts;
+  find_conflicts(result.samples, conflicts);
+  for (const auto& [s, d2] : conflicts) {
+    double& radius = result.samples[slot(s)].sample.radius;
+    radius = radius_below(radius, d2);
+    ++result.report.forced;
+  }
+  for (const auto& [p, q] : result.edges) {
+    Sample &a = result.samples[slot(p)].sample, &b = result.samples[slot(q)].sample;
+    const double d2 = (a.position() - b.position()).squaredNorm();
+    a.radius = radius_below(a.radius, d2);
+    b.radius = radius_below(b.radius, d2);
+  }
+  measure(result);
+}
+
+void CurveSampler::measure(CurveSamples& result) const {
+  CurveSamplingReport& report = result.report;
+  report.corners = static_cast<Index>(corners_.size());
+  report.placings = placings_;
+  report.rounds = rounds_;
+  std::vector<RadiusCap> caps;
+  for (const CurveSample& sample : result.samples) {
+    constexpr double kAsWanted = 1 - 0x1p-30;
+    const double r = sample.sample.radius, wanted = wanted_.at(sample.sample.at);
+    if (r >= kAsWanted * wanted) continue;
+    // Where curves all but coincide, faces are not to be filled with as many samples as that would take.
+    caps.push_back({sample.sample.position(), std::max(r, kLeastShare * wanted)});
+  }
+  report.lowered = static_cast<Index>(caps.size());
+  result.caps = CapField(std::move(caps), kCapGradation);
+  for (std::size_t c = 0; c < states_.size(); ++c) {
+    const CurveTask of_curve = task(static_cast<Index>(c));
+    bool spaced = result.first_edge[c + 1] - result.first_edge[c] >= static_cast<std::size_t>(states_[c].least_pieces);
+    for (std::size_t e = result.first_edge[c]; e < result.first_edge[c + 1]; ++e) {
+      const CurveSample &p = result.samples[slot(result.edges[e][0])], &q = result.samples[slot(result.edges[e][1])];
+      const double length = curve(static_cast<Index>(c)).length();
+      CurveStop from{p.corner == kNone ? p.parameter : 0, p.sample.radius, p.sample.position()};
+      CurveStop to{q.corner == kNone ? q.parameter : length, q.sample.radius, q.sample.position()};
+      if (to.s <= from.s) to.s += length;  // across the start of a closed curve
+      const double d2 = (to.position - from.position).squaredNorm();
+      constexpr double kAboveRounding = 1 + 0x1p-50;
+      spaced = spaced && d2 * kAboveRounding < from.radius * from.radius + to.radius * to.radius;
+      if (!is_surely_kept(of_curve, from, to)) ++report.unproved_chords;
+      report.worst_sagitta = std::max(report.worst_sagitta, of_curve.sagitta(from, to));
+    }
+    if (!spaced) report.unspaced.push_back(static_cast<Index>(c));
+  }
+}
+
+CurveSamples CurveSampler::run() {
+  count_pieces();
+  prepare_corners();
+  double radii_of_way = 0;
+  for (Index c = 0; c < static_cast<Index>(states_.size()); ++c) {
+    waiting_.insert({curve(c).length(), c});
+    radii_of_way += curve(c).length() / wanted_.max();
+  }
+  require_few(radii_of_way);
+  for (; rounds_ < kMaxRounds; ++rounds_) {
+    settle();
+    if (!resolve_conflicts(rounds_)) break;
+  }
+  settle();
+  CurveSamples result = collect();
+  finish(result);
+  return result;
+}
+
+}  // namespace
+
+CurveSamples sample_curves(const MeshView& mesh, const CurveGraph& graph, const SurfaceFlood& flood, const WantedRadii& wanted,
+                           const CurveSamplingOptions& options) {
+  if (wanted.rule() != ConflictRule::kMax) {
+    throw Error(ErrorCode::kInvalidArgument,
+                "curves: only the max rule keeps them; choose ConflictRule::kMax, or sample without curves");
+  }
+  const Execution run = options.execution.start("sampling curves");
+  CurveSamples result = CurveSampler(mesh, graph, flood, wanted, options, run).run();
+  run.finish();
+  return result;
+}
+
+}  // namespace amps::detail
