@@ -34,6 +34,7 @@
 //   shapes.h         sphere, torus, square, knot, cube
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
 //   surface_tree.h   SurfaceTree: the nearest point of a surface
+//   box_tree.h       (internal) points and segments by distance
 //   spatial_sort.h   (internal) the order of bulk insertion: random rounds along a Hilbert curve
 //   samples.h        the sample set, the conflict rule; how a sample is made
 //   reach.h          (internal) what a disk reaches: facets joined to its centre within its ball; by sample and by facet
@@ -51,16 +52,20 @@
 //   sizing_gradation        (its .cpp only) limiting how fast the radius changes; fields for a number of samples
 //   sizing_lfs              (its .cpp only) local feature size, by poles
 //   sizing_curvature        (its .cpp only) principal curvatures, radii for a bound of the error
+//   curves.h         which edges are kept as curves: borders, creases, marks; corners and patches
 //   cap_field.h      (internal) bounds of radii around points where they had to be small
 //   wanted_radii.h   (internal) one radius or a field, and the conflict rule, behind one face
 //   voxel_grid.h     (internal) which samples are near a dart
 //   darts.h          (internal) drawing facets by weight and points by density
 //   disk_set.h       (internal) the disks there are, balls or parts of the surface, and what conflicts with them
 //   count_model.h    (internal) how many samples radii make
+//   curve_proximity.h  (internal) distances between curves, where floods get from one to the other
+//   curve_sampling.h  (internal) samples on corners and along curves
 //   gaps.h           (internal) the uncovered part of a fragment: area, primitives, uniform points in it
 //   gap_filling.h    (internal) fills gaps, for whoever has a set
 //   sampling.h       darts, then gap filling
 //   maximality.h     the certificate that a set is maximal; its gaps
+//   topology_certificate.h  does the dual have the topology of the surface, curves included
 //   dual_star.h      (internal) the dual triangles around a sample, and how bad they are
 //   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
 //   refill.h         (internal) finding refills that improve what is bad
@@ -91,8 +96,10 @@
 #include "amps/triangulation.h"
 #include "amps/power_diagram.h"
 #include "amps/sizing.h"
+#include "amps/curves.h"
 #include "amps/sampling.h"
 #include "amps/maximality.h"
+#include "amps/topology_certificate.h"
 #include "amps/optimize.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"

@@ -37,6 +37,9 @@ class DiskSet {
   /// or whose centre the new disk holds.
   Index conflicting_sample(const Sample& disk, ConflictRule rule) const;
 
+  /// A sample that is stored; over a surface.
+  const Sample& sample(Index id) const { return samples_[slot(id)]; }
+
   /// Does the disk of sample i hold the centre of sample j, inside? Exact.
   bool holds_sample(Index i, Index j) const;
   /// Is there a facet that holds j and that i reaches?

@@ -4,6 +4,7 @@
 #include "amps/base.h"
 #include "amps/power_diagram.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -73,7 +74,7 @@ struct BadItem {
 /// Reads dual stars as the diagram has them, one at a time, and rates them. A view: diagram and rating must outlive it.
 class StarReader {
  public:
-  /// Samples below `num_fixed` lie on curves, and may have any valence.
+  /// Samples below `num_fixed` lie on curves: they may have any valence, and triangles of three of them any angles.
   StarReader(const RestrictedPowerDiagram& diagram, const DualRating& rating, Index num_fixed = 0)
       : diagram_(diagram), rating_(rating), num_fixed_(num_fixed) {}
 
@@ -96,6 +97,7 @@ class StarReader {
   Form form(DualStar& star);
 
   double triangle(Index a, Index b, Index c) const {
+    if (std::max({a, b, c}) < num_fixed_) return 0;  // the input forces it
     return rating_.triangle(diagram_.site(a).position(), diagram_.site(b).position(), diagram_.site(c).position());
   }
 

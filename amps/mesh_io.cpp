@@ -498,6 +498,16 @@ std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWrite
     ticker.tick();
     detail::append_row(out, obj ? "f " : "3 ", mesh.triangles[f], obj ? 1 : 0);
   }
+  if (obj) {
+    for (const std::array<Index, 2>& edge : options.edges) {
+      if (std::min(edge[0], edge[1]) < 0 || std::max(edge[0], edge[1]) >= mesh.num_vertices()) {
+        throw Error(ErrorCode::kInvalidMesh, "writing: an edge from vertex " + std::to_string(edge[0]) + " to " +
+                                                 std::to_string(edge[1]) + ", but the mesh has " +
+                                                 std::to_string(mesh.num_vertices()) + "; give pairs of its vertices");
+      }
+      out += "l " + std::to_string(edge[0] + 1) + ' ' + std::to_string(edge[1] + 1) + '\n';
+    }
+  }
   run.finish();
   return out;
 }

@@ -11,6 +11,7 @@
 #include "amps/mesh.h"
 #include "amps/samples.h"
 
+#include <array>
 #include <filesystem>
 #include <iosfwd>
 #include <string>
@@ -44,6 +45,8 @@ Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& nam
 struct MeshWriteOptions {
   /// PLY as text instead of binary_little_endian. Both hold doubles exactly.
   bool ascii_ply = false;
+  /// Pairs of vertices that OBJ files hold as lines (`l`), such as RemeshResult::curve_edges; other formats leave them out.
+  std::vector<std::array<Index, 2>> edges;
 };
 
 /// Writes a mesh in the format of the extension. Reading it back gives the same bits from OBJ, OFF and PLY: numbers in text are

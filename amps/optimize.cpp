@@ -68,11 +68,11 @@ constexpr int kNeighborsInPlace = 2;
 /// Samples for one refill of the diagram at most: far more than fit where a few have been taken out.
 constexpr Index kMaxRefillSamples = 64;
 
-/// Radii of samples to come beside those there are.
-WantedRadii radii_of(const OptimizeOptions& options, const SampleSet& samples) {
+/// Radii of samples to come beside those there are. `radius`: wanted where there is no field; 0: the least of the set.
+WantedRadii radii_of(const OptimizeOptions& options, const SampleSet& samples, double radius = 0) {
   const double min = min_radius(samples), max = max_radius(samples);
-  const WantedRadii wanted =
-      options.sizing.empty() ? WantedRadii(min, options.conflict_rule) : WantedRadii(options.sizing, options.conflict_rule);
+  const WantedRadii wanted = options.sizing.empty() ? WantedRadii(radius > 0 ? radius : min, options.conflict_rule)
+                                                    : WantedRadii(options.sizing, options.conflict_rule);
   return wanted.beside(min, max);
 }
 
@@ -97,7 +97,7 @@ struct OptimizeState {
         options(given_options),
         rating(options.angles, options.valences, min_angle, max_angle),
         reader(diagram, rating, num_fixed),
-        radii(radii_of(options, set).with_caps(surface.caps)),
+        radii(radii_of(options, set, surface.radius).with_caps(surface.caps)),
         balls(surface.disks != nullptr ? nullptr : std::make_unique<DiskSet>(balls_for(diagram.mesh(), radii))),
         samples(given, set, surface.disks != nullptr ? *surface.disks : *balls, execution.part(0, 0.3)),
         rng(options.seed) {
@@ -678,7 +678,9 @@ OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samp
                                 const OptimizeOptions& options, std::vector<Index>& ids) {
   require_optimize_options(options);
   const Execution execution = options.execution.start("improving triangles");
-  const auto [min_angle, max_angle] = bounds_of(options, radii_of(options, samples).uniform());
+  // Default bounds follow what is wanted, not what curves and folds have made of it.
+  const bool uniform = surface.radius > 0 || radii_of(options, samples).uniform();
+  const auto [min_angle, max_angle] = bounds_of(options, uniform);
   Optimizer optimizer(diagram, samples, surface, options, min_angle, max_angle, execution);
   OptimizeReport report = optimizer.run();
   optimizer.write_samples(samples, ids);

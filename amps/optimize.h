@@ -110,7 +110,9 @@ double optimization_cost(const OptimizeOptions& options, double samples, bool un
 struct OptimizeSurface {
   DiskSet* disks = nullptr;  ///< the samples' disks, which know their surface; edited as the samples are
   std::shared_ptr<const CapField> caps;  ///< bounds of wanted radii, beside curves
-  Index num_fixed = 0;       ///< so many samples, the first ones, lie on curves: they stay, and may have any valence
+  Index num_fixed = 0;  ///< so many samples, the first ones, lie on curves: they stay, may have any valence, and triangles
+                        ///< of three of them any angles
+  double radius = 0;    ///< wanted where there is no field; 0: the least radius of the set
 };
 
 /// optimize() on a diagram of exactly these samples. All are edited; a site that is removed leaves its id unused. `ids` (out):

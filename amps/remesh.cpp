@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/remesh.h"
 
+#include "amps/curve_sampling.h"
 #include "amps/disk_set.h"
 #include "amps/mesh_edges.h"
 #include "amps/power_diagram.h"
@@ -8,7 +9,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -155,20 +158,116 @@ TopologyReport surface_topology(const MeshView& mesh, const Execution& execution
   return topology(merged, execution.part(0.6, 1));
 }
 
+/// Has the dual the topology of the surface?
+TopologyCertificate certify(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run,
+                            const Execution& execution) {
+  TopologySamples samples;
+  samples.place = [&run](Index s) { return run.disks->sample(s).at; };
+  if (run.curves != nullptr) {
+    const CurveGraph& graph = *surface.curves;
+    samples.curve_of_edge = &graph.curve_of_edge;
+    samples.may_own = [&run, &graph](Index s, Index c) {
+      if (slot(s) >= run.curves->samples.size()) return false;
+      const CurveSample& sample = run.curves->samples[slot(s)];
+      if (sample.corner == kNone) return sample.curve == c;
+      const Curve& curve = graph.curves[slot(c)];
+      return curve.first_corner == sample.corner || curve.last_corner == sample.corner;
+    };
+  }
+  return TopologyChecker(mesh, *surface.flood, execution.part(0, 0.3)).check(*run.diagram, samples, execution.part(0.3, 1));
+}
+
 /// Measures the result, except what was measured on the way.
-void measure(const MeshView& mesh, const SamplingRun& run, ConflictRule rule, const Execution& execution,
-             RemeshResult& result) {
+void measure(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run, ConflictRule rule,
+             const Execution& execution, RemeshResult& result) {
   result.report.input = surface_topology(mesh, execution.part(0, 0.05));
   result.report.output = topology(result.mesh, execution.part(0.05, 0.3));
-  result.report.quality = quality(result.mesh, execution.part(0.3, 0.5));
-  result.report.maximality = measure_maximality(*run.diagram, rule, execution.part(0.5, 1),
+  result.report.quality = quality(result.mesh, execution.part(0.3, 0.45));
+  if (surface.flood != nullptr) result.report.certificate = certify(mesh, surface, run, execution.part(0.45, 0.55));
+  result.report.maximality = measure_maximality(*run.diagram, rule, execution.part(0.55, 1),
                                                 run.disks->knows_surface() ? run.disks.get() : nullptr);
 }
 
+/// The radius that is wanted, at first estimate: what curves are found by.
+void set_curve_radii(const MeshView& mesh, const SamplingOptions& sampling, CurveOptions& curves) {
+  if (curves.radius != 0 || !curves.sizing.empty()) return;
+  const double target = sampling.target_count;
+  if (sampling.sizing.empty()) {
+    curves.radius = sampling.radius;
+    if (target > 0) curves.radius = std::sqrt(kSamplesPerDensity * total_area(mesh) / target);
+  } else if (target > 0) {
+    curves.sizing = sampling.sizing.scaled(std::sqrt(kSamplesPerDensity * sampling.sizing.density_integral() / target));
+  } else {
+    curves.sizing = sampling.sizing;
+  }
+}
+
+/// The surface that disks know, cut at the curves to be kept.
+SamplingSurface sampling_surface(const MeshView& mesh, CurveOptions curves, const SamplingOptions& sampling) {
+  SamplingSurface result;
+  if (sampling.neighborhood != Neighborhood::kSurface) return result;
+  SurfaceEdges edges(mesh);
+  set_curve_radii(mesh, sampling, curves);
+  curves.execution = sampling.execution.without_progress();
+  auto graph = std::make_shared<const CurveGraph>(find_curves(mesh, edges, curves));
+  result.flood = std::make_shared<const SurfaceFlood>(
+      mesh, std::move(edges), graph->empty() ? std::vector<char>() : graph->is_curve_edge, curves.execution);
+  if (!graph->empty()) result.curves = std::move(graph);
+  return result;
+}
+
+/// Samples on corners and curves among so many in all, roughly: chords are 1.22 radii long.
+double expected_curve_samples(const MeshView& mesh, const SamplingSurface& surface, double samples) {
+  if (surface.curves == nullptr) return 0;
+  constexpr double kChord = 1.22;
+  const double radius = std::sqrt(kSamplesPerDensity * total_area(mesh) / samples);
+  double count = static_cast<double>(surface.curves->corners.size());
+  for (const Curve& curve : surface.curves->curves) count += curve.length() / (kChord * radius);
+  return count;
+}
+
+/// Which edges of curves the result has.
+void report_curves(const SamplingSurface& surface, const SamplingRun& run, RemeshResult& result) {
+  if (surface.curves == nullptr || run.curves == nullptr) return;
+  CurveReport& report = result.report.curves;
+  report.curves = static_cast<Index>(surface.curves->curves.size());
+  report.corners = static_cast<Index>(surface.curves->corners.size());
+  report.patches = surface.curves->num_patches;
+  for (const Curve& curve : surface.curves->curves) report.length += curve.length();
+  report.samples = static_cast<Index>(run.curves->samples.size());
+  report.deviation = run.curves->report.worst_sagitta;
+  report.edges = static_cast<Index>(run.curves->edges.size());
+  // Samples on curves are the first vertices, and stay.
+  using Pair = std::array<Index, 2>;
+  std::vector<Pair> there;
+  const Triangles& triangles = result.mesh.triangles;
+  for (std::ptrdiff_t t = 0; t < triangles.rows(); ++t) {
+    for (int k = 0; k < 3; ++k) {
+      const Index a = triangles(t, k), b = triangles(t, (k + 1) % 3);
+      if (std::max(a, b) < report.samples) there.push_back({std::min(a, b), std::max(a, b)});
+    }
+  }
+  std::sort(there.begin(), there.end());
+  for (const Pair& edge : run.curves->edges) {
+    if (std::binary_search(there.begin(), there.end(), Pair{std::min(edge[0], edge[1]), std::max(edge[0], edge[1])})) {
+      result.curve_edges.push_back(edge);
+    }
+  }
+  report.edges_kept = static_cast<Index>(result.curve_edges.size());
+}
+
 /// remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
-void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, const SamplingOptions& sampling,
-                       const Execution& execution, const RemeshParts& parts, RemeshResult& result) {
-  SamplingRun run = sample_with_diagram(mesh, sampling, flood_of(mesh, sampling.neighborhood));
+void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, const Execution& execution,
+                       const RemeshParts& parts, RemeshResult& result) {
+  const SamplingSurface surface_of_input = sampling_surface(mesh, options.curves, sampling);
+  if (options.optimize && sampling.target_count > 0) {
+    // What optimisation will add, for each sample that it may move.
+    const double target = sampling.target_count;
+    const double share = std::max(0.0, 1 - expected_curve_samples(mesh, surface_of_input, target) / target);
+    const double growth = share * expected_growth(options.optimization, is_one_radius(sampling.sizing));
+    sampling.target_count = std::max(Index{1}, static_cast<Index>(target / (1 + growth) + 0.5));
+  }
+  SamplingRun run = sample_with_diagram(mesh, sampling, surface_of_input);
   result.samples = std::move(run.result.samples);
   result.report.sampling = run.result.report;
   if (run.result.status == Outcome::kCancelled) return;
@@ -185,7 +284,8 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, const
     OptimizeSurface surface;
     if (run.disks->knows_surface()) surface.disks = run.disks.get();
     surface.caps = run.caps;
-    surface.num_fixed = run.num_fixed;
+    surface.radius = result.report.sampling.radius;
+    surface.num_fixed = result.report.sampling.curve_samples;
     result.report.optimization = optimize_diagram(*run.diagram, result.samples, surface, optimization, ids);
     status = std::max(status, result.report.optimization.status);
     result.report.seconds_optimize = watch.lap();
@@ -194,8 +294,9 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, const
   const Execution extracting = execution.part(parts.optimization, parts.extraction, "building the mesh");
   Triangles triangles = restricted_triangles(*run.diagram, ids, extracting);
   result.mesh = {result.samples.positions, std::move(triangles)};
+  report_curves(surface_of_input, run, result);
   result.report.seconds_remesh = watch.lap();
-  measure(mesh, run, sampling.conflict_rule, execution.part(parts.extraction, 1, "measuring the result"), result);
+  measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.extraction, 1, "measuring the result"), result);
   result.report.seconds_report = watch.lap();
   result.status = status;
 }
@@ -214,13 +315,7 @@ Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, co
 
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   SamplingOptions sampling = options.sampling;
-  if (options.optimize) {
-    detail::require_optimize_options(options.optimization);
-    if (sampling.target_count > 0) {
-      const double growth = detail::expected_growth(options.optimization, detail::is_one_radius(sampling.sizing));
-      sampling.target_count = std::max(Index{1}, static_cast<Index>(sampling.target_count / (1 + growth) + 0.5));
-    }
-  }
+  if (options.optimize) detail::require_optimize_options(options.optimization);
   if (sampling.neighborhood == Neighborhood::kDefault) {
     const bool by_max = sampling.conflict_rule == ConflictRule::kMax;
     sampling.neighborhood = by_max ? Neighborhood::kSurface : Neighborhood::kSpace;

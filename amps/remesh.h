@@ -5,36 +5,60 @@
 // corners, which are at least r apart: all angles lie in [30°, 120°] and all edges in [r, 2r], on any surface; and nothing opens
 // in the dual of a closed surface (restricted_triangulation()). Optimisation
 // (optimize.h), on by default, narrows the angles to [35°, 105°] or as far as asked for, and valences to 5, 6 and 7.
+//
+// By default disks know the surface they lie on, and curves of the input (curves.h) are kept: samples are placed on corners and
+// curves first, so close that the edge between neighbours is in the dual, and no disk reaches across a curve.
 #pragma once
 
 #include "amps/base.h"
+#include "amps/curves.h"
 #include "amps/execution.h"
 #include "amps/maximality.h"
 #include "amps/mesh.h"
 #include "amps/optimize.h"
 #include "amps/quality.h"
 #include "amps/sampling.h"
+#include "amps/topology_certificate.h"
 
+#include <array>
 #include <iosfwd>
+#include <vector>
 
 namespace amps {
 
 struct RemeshOptions {
   /// With optimisation a target_count is that of the result, met within about 2 %. `sampling.execution` is that of the whole.
   SamplingOptions sampling;
+  /// Curves of the input that the result keeps, where disks know their surface (sampling.neighborhood, by default). The radius
+  /// is that of `sampling`, unless one is given.
+  CurveOptions curves;
   /// Improve angles and valences of the maximal set.
   bool optimize = true;
   /// How. Sizing, conflict rule, seed and execution are those of `sampling`.
   OptimizeOptions optimization;
 };
 
+/// What was kept of the curves of the input.
+struct CurveReport {
+  Index curves = 0, corners = 0, patches = 0;  ///< of the input
+  Index samples = 0;     ///< vertices on corners and curves: the first ones of the result
+  Index edges = 0;       ///< pairs of neighbours along curves
+  Index edges_kept = 0;  ///< of these, edges of the result; all, unless curves lie too close together
+  double length = 0;     ///< of all curves, absolute units
+  double deviation = 0;  ///< the farthest that a curve is from the edges of its samples, absolute units
+};
+
 struct RemeshReport {
   SamplingReport sampling;      ///< of the set before optimisation
   OptimizeReport optimization;  ///< no iterations if there was none
+  CurveReport curves;
   TopologyReport input;         ///< topology of the input: equal positions one vertex, repeated facets one facet
   TopologyReport output;        ///< topology of the result
   QualityReport quality;        ///< of the result
   MaximalityReport maximality;  ///< certificate of the samples, from the diagram the triangles are dual to
+  /// Where it holds, the result has the topology of the surface, curves included: proved, not measured. Of no cells where disks
+  /// are balls. (`failures` are of sites of the diagram: of vertices, where nothing was optimised.)
+  TopologyCertificate certificate;
   double seconds_optimize = 0;
   double seconds_remesh = 0;  ///< extraction and orientation of the triangles
   double seconds_report = 0;  ///< topology, quality and certificate
@@ -43,6 +67,8 @@ struct RemeshReport {
 struct RemeshResult {
   Mesh mesh;          ///< vertices are the samples, in order: row i of mesh.vertices is row i of samples.positions
   SampleSet samples;  ///< facet and barycentric coordinates per output vertex
+  /// Pairs of vertices along the curves that were kept, #E; curve by curve.
+  std::vector<std::array<Index, 2>> curve_edges;
   RemeshReport report;
   Outcome status = Outcome::kDone;  ///< the worse of those of sampling and optimisation
 };

@@ -2,6 +2,7 @@
 #include "amps/sampling.h"
 
 #include "amps/count_model.h"
+#include "amps/curve_sampling.h"
 #include "amps/darts.h"
 #include "amps/disk_set.h"
 #include "amps/gap_filling.h"
@@ -10,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -141,7 +143,12 @@ struct SamplingTask {
   /// in memory.
   void sort_along_curve(const Box& box, const Execution& execution) {
     Stopwatch watch;
-    const std::vector<Index> order = curve_order(set.points(), execution.part(0, 0.5));
+    std::vector<Index> order = curve_order(set.points(), execution.part(0, 0.5));
+    if (num_fixed > 0) {  // samples on curves stay where they are, ahead of all others
+      order.erase(std::remove_if(order.begin(), order.end(), [this](Index s) { return s < num_fixed; }), order.end());
+      order.insert(order.begin(), slot(num_fixed), 0);
+      std::iota(order.begin(), order.begin() + num_fixed, Index{0});
+    }
     set.reorder(order, execution.part(0.5, 0.65));
     disks->clear(box, radii.min_of_set(), radii.max_of_set());
     constexpr std::size_t kSamplesPerPiece = 8192;
@@ -160,6 +167,7 @@ struct SamplingTask {
   std::shared_ptr<DiskSet> disks;
   Rng rng;  ///< one sequence for both stages: gap darts must not repeat the random numbers of the first darts
   GrowingSet set;
+  Index num_fixed = 0;  ///< samples on curves: the first ones
   SamplingReport report;
   Outcome status = Outcome::kDone;
 };
@@ -210,7 +218,7 @@ void run_darts(SamplingTask& task, double density, const Execution& execution) {
   const SurfaceDarts darts(task.mesh, task.radii, execution.part(0, 0.02));
   const double expected = expected_darts(kSamplesPerDensity * density, task.options.max_rejections);
   throw_all(task, darts, expected, execution.part(0.02, 1));
-  task.report.dart_samples = task.set.size();
+  task.report.dart_samples = task.set.size() - task.num_fixed;
   task.report.seconds_darts += watch.lap();
 }
 
@@ -267,22 +275,54 @@ void add_up(SamplingReport& total, const SamplingReport& run) {
 
 /// One run from darts to the last gap.
 SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const WantedRadii& radii,
-                     const std::shared_ptr<const SurfaceFlood>& flood, std::uint64_t seed, const Execution& execution) {
+                     const SamplingSurface& surface, std::uint64_t seed, const Execution& execution) {
   const double density = radii.density_integral(total_area(mesh));
   const Box box = bounding_box(mesh);
   require_feasible_radii(radii.min(), radii.max(), density, box, options);
-  SamplingTask task(mesh, options, radii, box, flood, seed);
+  std::shared_ptr<CurveSamples> curves;
+  WantedRadii bounded = radii;
+  const double curves_end = surface.curves == nullptr || surface.curves->empty() ? 0 : 0.05;
+  if (curves_end > 0) {
+    CurveSamplingOptions along;
+    along.seed = seed;
+    along.execution = execution.part(0, curves_end, "sampling curves");
+    const bool complete = completes([&] {
+      curves = std::make_shared<CurveSamples>(sample_curves(mesh, *surface.curves, *surface.flood, radii, along));
+    });
+    if (!complete) {
+      SamplingRun run;
+      run.result.status = Outcome::kCancelled;
+      run.result.report.seed = seed;
+      return run;
+    }
+    double min = radii.min(), max = radii.max();
+    for (const CurveSample& on_curve : curves->samples) {
+      min = std::min(min, on_curve.sample.radius);
+      max = std::max(max, on_curve.sample.radius);
+    }
+    bounded = radii.beside(min, max);
+    if (!curves->caps.empty()) bounded = bounded.with_caps(std::make_shared<const CapField>(curves->caps));
+  }
+  SamplingTask task(mesh, options, bounded, box, surface.flood, seed);
+  if (curves != nullptr) {
+    for (const CurveSample& on_curve : curves->samples) task.add_dart(on_curve.sample);
+    task.num_fixed = task.report.curve_samples = task.set.size();
+  }
   const SamplingCosts costs(kSamplesPerDensity * density, static_cast<double>(mesh.num_facets()), execution.workers());
   const double darts_end = costs.darts / costs.all(), sort_end = (costs.darts + costs.sort) / costs.all();
   std::unique_ptr<RestrictedPowerDiagram> diagram;
   const bool complete = completes([&] {
-    run_darts(task, density, execution.part(0, darts_end, "throwing darts"));
-    if (task.status == Outcome::kDone) task.sort_along_curve(box, execution.part(darts_end, sort_end, "throwing darts"));
-    if (task.status == Outcome::kDone) diagram = run_gap_filling(task, execution.part(sort_end, 1));
+    const Execution filling = execution.part(curves_end, 1);
+    run_darts(task, density, filling.part(0, darts_end, "throwing darts"));
+    if (task.status == Outcome::kDone) task.sort_along_curve(box, filling.part(darts_end, sort_end, "throwing darts"));
+    if (task.status == Outcome::kDone) diagram = run_gap_filling(task, filling.part(sort_end, 1));
   });
   if (!complete) task.status = Outcome::kCancelled;
   if (task.status == Outcome::kCancelled) diagram.reset();
-  return finish_run(task, std::move(diagram));
+  SamplingRun run = finish_run(task, std::move(diagram));
+  run.curves = std::move(curves);
+  if (run.curves != nullptr && !run.curves->caps.empty()) run.caps = std::shared_ptr<const CapField>(run.curves, &run.curves->caps);
+  return run;
 }
 
 /// The part of the range of progress for a run for a target_count, the first being number 1.
@@ -306,14 +346,14 @@ double expected_samples(const MeshView& mesh, const SamplingOptions& options) {
 double sampling_cost(double samples, double facets, unsigned workers) { return SamplingCosts(samples, facets, workers).all(); }
 
 SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options,
-                                std::shared_ptr<const SurfaceFlood> flood) {
+                                const SamplingSurface& surface) {
   const Execution execution = options.execution.start();
   require_usable(mesh);
   require_sampling_options(options);
   require_one_sizing(mesh, options);
   const bool by_field = !options.sizing.empty();
   if (options.target_count == 0) {
-    SamplingRun run = run_once(mesh, options, wanted_radii(options), flood, options.seed, execution);
+    SamplingRun run = run_once(mesh, options, wanted_radii(options), surface, options.seed, execution);
     if (run.result.status == Outcome::kDone) execution.finish();
     return run;
   }
@@ -337,7 +377,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
         by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
     SamplingRun run;
-    const bool begun = completes([&] { run = run_once(mesh, options, radii, flood, seed, part_of_attempt(execution, attempt)); });
+    const bool begun = completes([&] { run = run_once(mesh, options, radii, surface, seed, part_of_attempt(execution, attempt)); });
     if (begun && by_field) run.result.report.sizing_scale = scale;
     total.attempts = attempt;
     add_up(total, run.result.report);
@@ -348,9 +388,11 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
       break;
     }
     model->learn(run.result.samples.size());
+    const bool has_curves = run.curves != nullptr;
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;
-    if (attempt >= kMinTargetAttempts && attempt * target > kTargetSamples) break;
+    // Curves need the samples that they need, whatever the radius.
+    if (attempt >= kMinTargetAttempts && (attempt * target > kTargetSamples || has_curves)) break;
   }
   SamplingReport& report = best.result.report;
   report.attempts = total.attempts;
@@ -366,7 +408,9 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
 
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
   if (options.neighborhood == Neighborhood::kSurface) require_usable(mesh);
-  return std::move(detail::sample_with_diagram(mesh, options, detail::flood_of(mesh, options.neighborhood)).result);
+  detail::SamplingSurface surface;
+  surface.flood = detail::flood_of(mesh, options.neighborhood);
+  return std::move(detail::sample_with_diagram(mesh, options, surface).result);
 }
 
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options) {

@@ -10,6 +10,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/curves.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
@@ -55,7 +56,8 @@ struct SamplingReport {
   double mean_radius = 0;
   std::uint64_t seed = 0;   ///< the one used: with radius or scale it reproduces the set (differs with target_count)
   std::uint64_t darts = 0;  ///< thrown in the first stage
-  Index dart_samples = 0;   ///< samples after dart throwing
+  Index curve_samples = 0;  ///< samples on corners and curves; they come first
+  Index dart_samples = 0;   ///< samples of dart throwing
   Index gap_samples = 0;    ///< samples added by gap filling
   Index unfilled_gaps = 0;  ///< gaps that hold no double at the wanted distance: 0 unless the mesh lies > 1e6·r from the origin
   int attempts = 1;         ///< sampling runs made to reach target_count
@@ -100,17 +102,24 @@ double sampling_cost(double samples, double facets, unsigned workers);
 class CapField;
 class DiskSet;
 class SurfaceFlood;
+struct CurveSamples;
+
+/// The surface that disks know, and the curves that are kept on it. By default disks are balls.
+struct SamplingSurface {
+  std::shared_ptr<const SurfaceFlood> flood;  ///< cut at the curves; null: balls
+  std::shared_ptr<const CurveGraph> curves;   ///< null or empty: none
+};
 
 /// sample(), and what it ended with (null if it was cancelled): the diagram and, where disks know their surface, these.
 struct SamplingRun {
   SamplingResult result;
   std::shared_ptr<DiskSet> disks;
-  std::shared_ptr<const CapField> caps;  ///< bounds of wanted radii, beside curves; null: none
-  Index num_fixed = 0;                   ///< samples on curves: the first ones
+  std::shared_ptr<const CurveSamples> curves;  ///< of which the set's first samples are; null: there are no curves
+  std::shared_ptr<const CapField> caps;        ///< bounds of wanted radii, beside curves; null: none
   std::unique_ptr<RestrictedPowerDiagram> diagram;
 };
 SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options,
-                                std::shared_ptr<const SurfaceFlood> flood = nullptr);
+                                const SamplingSurface& surface = {});
 
 }  // namespace detail
 

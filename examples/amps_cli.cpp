@@ -45,6 +45,23 @@ amps::Neighborhood neighborhood_of(const Arguments& arguments, amps::Neighborhoo
   throw arguments.error("--neighborhood " + name + ": name surface or space");
 }
 
+/// --features and --borders
+amps::CurveOptions curve_options(const Arguments& arguments) {
+  amps::CurveOptions options;
+  const std::string features = arguments.text("--features", "40");
+  options.creases = features != "none";
+  if (options.creases && arguments.has("--features")) options.crease_angle = arguments.real("--features", 40, 1, 179);
+  const std::string borders = arguments.text("--borders", "keep");
+  if (borders != "keep" && borders != "free") throw arguments.error("--borders " + borders + ": name keep or free");
+  options.borders = borders == "keep";
+  for (const char* name : {"--features", "--borders"}) {
+    if (arguments.has(name) && arguments.text("--neighborhood", "surface") == "space") {
+      throw arguments.error(std::string(name) + " does not go with --neighborhood space: balls keep no curves");
+    }
+  }
+  return options;
+}
+
 amps::SamplingOptions sampling_options(const Arguments& arguments, amps::Neighborhood neighborhood) {
   amps::SamplingOptions options;
   options.radius = arguments.positive("--radius");
@@ -130,6 +147,7 @@ int run_remesh(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments);
   amps::RemeshOptions options;
   options.sampling = sampling_options(arguments, amps::Neighborhood::kSurface);
+  options.curves = curve_options(arguments);
   set_optimization(arguments, options);
   if (arguments.has("--convergence")) require_writable(arguments, arguments.text("--convergence"));
   require_mesh_output(arguments, arguments.operand(1));
@@ -150,7 +168,9 @@ int run_remesh(const Arguments& arguments) {
   const double seconds_work = work.seconds();
   const Stopwatch write;
   // An interruption leaves all files as they were, or, once the first is in place, none: the others are then written too.
-  amps::write_mesh(arguments.operand(1), result.mesh, {}, watch.part(kWorked, 1));
+  amps::MeshWriteOptions writing;
+  writing.edges = result.curve_edges;
+  amps::write_mesh(arguments.operand(1), result.mesh, writing, watch.part(kWorked, 1));
   if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
   if (arguments.has("--convergence")) {
     std::ostringstream convergence;
@@ -186,6 +206,8 @@ int run_remesh(const Arguments& arguments) {
   add_optimization(json, report.optimization);
   add_quality(json, report.quality, radius);
   add_maximality(json, report.maximality);
+  add_curves(json, report.curves);
+  add_certificate(json, report.certificate);
   add_topology(json, "input", report.input);
   add_topology(json, "output", report.output);
   add_seconds(json, seconds);
@@ -196,6 +218,8 @@ int run_remesh(const Arguments& arguments) {
   table.row("vertices", number(report.input.vertices), std::to_string(result.mesh.vertices.rows()));
   table.row("triangles", number(report.input.facets), number(report.output.facets));
   print_topology(table, report.input, report.output);
+  print_certificate(table, report.certificate);
+  print_curves(table, report.curves);
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
   print_radii(table, result.samples);
   print_optimization(table, options.optimization, report.optimization);
@@ -417,6 +441,8 @@ const std::vector<Command>& commands() {
         kRmax,
         kError,
         kGradation,
+        {"--features", "ANGLE", "keep creases of more than so many degrees (default 40), or none"},
+        {"--borders", "HOW", "keep (default) or free: sampled like everything else"},
         {"--neighborhood", "KIND", "surface (default): sheets do not see each other's disks; space: disks are balls"},
         {"--optimize", "WHAT", "angle,valence (default), angle, valence, or none"},
         {"--angle-min", "DEG", "least angle to reach, below 60"},

@@ -71,6 +71,47 @@ inline void add_topology(Json& json, const char* key, const amps::TopologyReport
       .close();
 }
 
+inline void print_curves(const Table& table, const amps::CurveReport& report) {
+  if (report.samples == 0) return;
+  table.row("curves, corners",
+            number(report.curves) + ", " + number(report.corners), number(report.samples) + " vertices");
+  table.row("edges along curves", "", number(report.edges_kept) + " of " + number(report.edges) + " kept");
+  table.row("curves off by up to", "", format("%.3g", report.deviation));
+}
+
+inline void add_curves(Json& json, const amps::CurveReport& report) {
+  json.open("curves")
+      .add("curves", report.curves)
+      .add("corners", report.corners)
+      .add("patches", report.patches)
+      .add("vertices", report.samples)
+      .add("edges", report.edges)
+      .add("edges_kept", report.edges_kept)
+      .add("length", report.length)
+      .add("deviation", report.deviation)
+      .close();
+}
+
+inline void print_certificate(const Table& table, const amps::TopologyCertificate& certificate) {
+  if (certificate.cells == 0) return;
+  if (certificate.holds()) {
+    table.row("topology", "", "that of the input, proved");
+  } else {
+    table.row("topology", "", "not proved at " + std::to_string(certificate.failures.size()) + " places");
+  }
+}
+
+inline void add_certificate(Json& json, const amps::TopologyCertificate& certificate) {
+  if (certificate.cells == 0) return;
+  json.open("certificate").add("holds", certificate.holds()).add("cells", certificate.cells);
+  for (std::size_t kind = 0; kind < amps::kNumTopologyFailureKinds; ++kind) {
+    std::string name = amps::name_of(static_cast<amps::TopologyFailureKind>(kind));
+    std::replace(name.begin(), name.end(), ' ', '_');
+    json.add(name.c_str(), certificate.failures_of[kind]);
+  }
+  json.close();
+}
+
 inline void print_maximality(const Table& table, const amps::MaximalityReport& report) {
   table.row("worst coverage", format("%.9f r   (maximal: at most 1)", report.worst_coverage));
   if (std::isfinite(report.worst_separation)) {

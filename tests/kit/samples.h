@@ -56,6 +56,12 @@ inline amps::RemeshOptions plain(const SamplingOptions& sampling) {
   return options;
 }
 
+/// The same without curves: creases and borders are sampled like everything else.
+inline amps::RemeshOptions without_curves(amps::RemeshOptions options) {
+  options.curves.creases = options.curves.borders = false;
+  return options;
+}
+
 // Radii.
 
 inline Values at_vertices(const Mesh& mesh, const std::function<double(const Vec3&)>& f) {
