@@ -59,6 +59,10 @@ constexpr std::size_t kItemsPerBatch = 32;
 constexpr std::size_t kItemsPerTask = 8;
 /// Stars a thread reads at a time.
 constexpr std::size_t kStarsPerTask = 1024;
+/// Beside curves much may be out of reach: corners that are too narrow, radii that fall too fast. Optimisation ends where so
+/// many iterations leave more than this share of the energy.
+constexpr int kIterationsAtCurves = 8;
+constexpr double kLeftAtCurves = 0.9;
 /// Samples or fragments between two looks for a cancel, in loops that take up to 1 µs for each.
 constexpr std::uint64_t kEntriesPerLook = 4096;
 /// Refills of the diagram itself, where a patch cannot be copied.
@@ -442,6 +446,8 @@ class Optimizer {
   Outcome improve() {
     const OptimizeReport& report = state_.report;
     double halved = INFINITY, work_then = 0;
+    double energy_then = INFINITY;
+    int iterations_since = 0;
     for (int idle = 0;; ++iteration_) {
       std::vector<BadItem> items = bad_items(visiting_);
       const double energy = report.iterations.back().energy;
@@ -452,6 +458,11 @@ class Optimizer {
       }
       const double slowness = (work - work_then) / (kWorkPerHalving * num_given_);
       if (items.empty()) return Outcome::kDone;
+      if (state_.num_fixed > 0 && ++iterations_since > kIterationsAtCurves) {
+        if (energy > kLeftAtCurves * energy_then) return Outcome::kStalled;
+        energy_then = energy;
+        iterations_since = 0;
+      }
       if (idle == kMaxIdleIterations || slowness > 1 || !refiller_.affords_edits_in_place()) return Outcome::kStalled;
       if (iteration_ == options().max_iterations) return Outcome::kIterationLimit;
       giving_up_ = std::max(slowness * slowness, static_cast<double>(idle) / kMaxIdleIterations);

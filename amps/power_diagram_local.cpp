@@ -157,8 +157,10 @@ void RestrictedPowerDiagram::add_ownerless_fragment(Index facet) {
 }
 
 void RestrictedPowerDiagram::make_site_grid() {
-  // Where radii are equal a cube holds about three sites of a surface.
-  const double radius = std::sqrt(std::sqrt(std::max(min_weight_, 0.0)) * std::sqrt(std::max(max_weight_, 0.0)));
+  // Where radii are equal a cube holds about three sites of a surface. The mean: a few small ones beside curves do not count.
+  double radii = 0;
+  for (Index s = 0; s < num_sites(); ++s) radii += removed(s) ? 0 : std::sqrt(std::max(site(s).w, 0.0));
+  const double radius = radii / (num_sites() - num_removed());
   const double side = radius > 0 ? 2 * radius : (high_ - low_).norm() / std::sqrt(static_cast<double>(num_sites()));
   site_grid_ = detail::SiteGrid(side > 0 ? side : 1.0);
   for (Index s = 0; s < num_sites(); ++s) {
