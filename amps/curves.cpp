@@ -18,6 +18,9 @@ constexpr int kThinSteps = 64;              // thin facets in a row
 constexpr std::size_t kFacetsPerAverage = 512;
 constexpr double kShortCurve = 12;          // in r: chains that end freely, and components
 constexpr double kShortLoop = 3;            // in r: smooth loops
+/// Mean length, in r, of the curves of a component: below it is a web. All machined parts of the tests have 4.3 and more, webs on
+/// scans and figures of few facets 3.3 and less.
+constexpr double kShortMeanCurve = 4;
 constexpr double kSmoothTurn = 65;          // degrees, at each vertex of a smooth loop
 constexpr double kSharpTurn = 60;           // degrees from edge to edge: a corner always
 constexpr double kCornerTurn = 45;          // degrees, over kTurnReach · r
@@ -53,6 +56,13 @@ class CurveFinder {
     }
     find_corners();
     walk_all();
+    if (options_.creases && has_radius() && drop_webs()) {
+      graph_.corners.clear();
+      graph_.curves.clear();
+      list_edges();
+      find_corners();
+      walk_all();
+    }
     find_patches();
     for (std::size_t e = 0; e < edges_.size(); ++e) {
       if (!candidate_.empty() && candidate_[e] && !curve_[e]) graph_.dropped.push_back(e);
@@ -308,6 +318,44 @@ class CurveFinder {
       const std::size_t set = sets.find(slot(edges_[e].low));
       if (!kept[set] && length[set] < (rough[set] ? kShortCurve : kShortLoop)) curve_[e] = 0;
     }
+  }
+
+  /// Drops components without fixed edges that are a web of short curves, as on rough scans and coarse figures; false if there is
+  /// none.
+  bool drop_webs() {
+    run_.check();
+    UnionFind sets(graph_.curves.size());
+    std::vector<std::size_t> first_at_corner(graph_.corners.size(), graph_.curves.size());
+    for (std::size_t c = 0; c < graph_.curves.size(); ++c) {
+      for (const Index corner : {graph_.curves[c].first_corner, graph_.curves[c].last_corner}) {
+        if (corner == kNone) continue;
+        std::size_t& first = first_at_corner[slot(corner)];
+        if (first == graph_.curves.size()) first = c;
+        sets.join(first, c);
+      }
+    }
+    struct Component {
+      double length = 0;  // in r
+      int curves = 0;
+      bool fixed = false;
+    };
+    std::vector<Component> components(graph_.curves.size());
+    for (std::size_t c = 0; c < graph_.curves.size(); ++c) {
+      Component& component = components[sets.find(c)];
+      ++component.curves;
+      for (const std::size_t e : graph_.curves[c].edges) {
+        component.length += length_[e] / radius_[e];
+        component.fixed = component.fixed || fixed_[e];
+      }
+    }
+    bool any = false;
+    for (std::size_t c = 0; c < graph_.curves.size(); ++c) {
+      const Component& component = components[sets.find(c)];
+      if (component.fixed || component.curves < 2 || component.length >= kShortMeanCurve * component.curves) continue;
+      for (const std::size_t e : graph_.curves[c].edges) curve_[e] = 0;
+      any = true;
+    }
+    return any;
   }
 
   /// The place on the curve from v over e at the given arc, or where degree 2 ends before.
