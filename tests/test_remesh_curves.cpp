@@ -79,8 +79,8 @@ Mesh wedge(double degrees) {
 /// A U: two walls with a narrow gap between them. The lids are no fans, as no point sees them whole.
 Mesh channel(double gap) {
   const double w = 0.3, h = 1, floor = 0.3, wide = 2 * w + gap;
-  const Polygon outline = {{0, 0, 0},       {wide, 0, 0},  {wide, h, 0},  {w + gap, h, 0},
-                           {w + gap, floor, 0}, {w, floor, 0}, {w, h, 0}, {0, h, 0}};
+  const Polygon outline = {{0, 0, 0},           {wide, 0, 0},  {wide, h, 0}, {w + gap, h, 0},
+                           {w + gap, floor, 0}, {w, floor, 0}, {w, h, 0},    {0, h, 0}};
   const Mesh walls = prism(outline, 1, Vec3::Zero(), false);
   std::vector<Corners> lids = {{0, 5, 7}, {5, 6, 7}, {0, 4, 5}, {0, 1, 4}, {1, 2, 4}, {2, 3, 4}};
   const std::size_t n = lids.size();
@@ -327,7 +327,8 @@ Extremes extremes_of(const RemeshResult& result, bool but_at_curves) {
     ++e.triangles;
     for (std::size_t k = 0; k < 3; ++k) {
       const Vec3 x = sample_at(result.samples, corners[k]);
-      const Vec3 u = sample_at(result.samples, corners[(k + 1) % 3]) - x, v = sample_at(result.samples, corners[(k + 2) % 3]) - x;
+      const Vec3 u = sample_at(result.samples, corners[(k + 1) % 3]) - x;
+      const Vec3 v = sample_at(result.samples, corners[(k + 2) % 3]) - x;
       const double angle = std::atan2(u.cross(v).norm(), u.dot(v)) / kDegree;
       e.min_angle = std::min(e.min_angle, angle), e.max_angle = std::max(e.max_angle, angle);
       e.min_edge = std::min(e.min_edge, u.norm()), e.max_edge = std::max(e.max_edge, u.norm());
