@@ -248,9 +248,17 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
     }
   }
   std::sort(there.begin(), there.end());
-  for (const Pair& edge : run.curves->edges) {
-    if (std::binary_search(there.begin(), there.end(), Pair{std::min(edge[0], edge[1]), std::max(edge[0], edge[1])})) {
-      result.curve_edges.push_back(edge);
+  const SurfaceEdges& edges = surface.flood->edges();
+  for (std::size_t c = 0; c < surface.curves->curves.size(); ++c) {
+    const std::vector<std::size_t>& along = surface.curves->curves[c].edges;
+    const std::size_t sheets = edges[along.front()].size();
+    const bool everywhere = std::all_of(along.begin(), along.end(), [&](std::size_t e) { return edges[e].size() == sheets; });
+    for (std::size_t k = run.curves->first_edge[c]; k < run.curves->first_edge[c + 1]; ++k) {
+      const Pair& edge = run.curves->edges[k];
+      const Pair sorted = {std::min(edge[0], edge[1]), std::max(edge[0], edge[1])};
+      const auto same = std::equal_range(there.begin(), there.end(), sorted);
+      const auto num_triangles = static_cast<std::size_t>(same.second - same.first);
+      if (everywhere ? num_triangles == sheets : num_triangles > 0) result.curve_edges.push_back(edge);
     }
   }
   report.edges_kept = static_cast<Index>(result.curve_edges.size());

@@ -43,7 +43,7 @@ struct CurveReport {
   Index curves = 0, corners = 0, patches = 0;  ///< of the input
   Index samples = 0;     ///< vertices on corners and curves: the first ones of the result
   Index edges = 0;       ///< pairs of neighbours along curves
-  Index edges_kept = 0;  ///< of these, edges of the result; all, unless curves lie too close together
+  Index edges_kept = 0;  ///< of these, edges of the result of as many triangles as the curve has facets; mostly all
   double length = 0;     ///< of all curves, absolute units
   double deviation = 0;  ///< the farthest that a curve is from the edges of its samples, absolute units
 };

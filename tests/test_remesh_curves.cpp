@@ -652,7 +652,7 @@ TEST_SUITE("slow") {
     }
   }
 
-  // As above, and where disks are larger than the surface is smooth: certificates of such sets fail without curves as well.
+  // As above, and where disks are larger than the surface is smooth: certificates of such sets may fail without curves as well.
   TEST_CASE("remesh keeps curves: of real meshes that need refinement" * doctest::may_fail()) {
     for (const std::string name :
          {"anchor.off", "bunny_36k_holes.obj", "lion-head.off", "teapot.obj", "mech-holes-shark.off"}) {
