@@ -26,10 +26,9 @@ constexpr double kSharpTurn = 60;           // degrees from edge to edge: a corn
 constexpr double kCornerTurn = 45;          // degrees, over kTurnReach · r
 constexpr double kTurnReach = 0.25;
 
-/// Cosine of the angle between two directions; 1 where one has no length.
+/// Cosine of the angle between two directions, at any scale; 1 where one has no length.
 double cosine_between(const Vec3& a, const Vec3& b) {
-  const double length = std::sqrt(a.squaredNorm()) * std::sqrt(b.squaredNorm());
-  return length > 0 ? a.dot(b) / length : 1;
+  return a.isZero(0) || b.isZero(0) ? 1 : a.stableNormalized().dot(b.stableNormalized());
 }
 
 class CurveFinder {
@@ -143,7 +142,7 @@ class CurveFinder {
       const int first = row[0] < row[1] ? (row[0] < row[2] ? 0 : 2) : (row[1] < row[2] ? 1 : 2);
       const Vec3 a = at(row[first]);
       const Vec3 cross = (at(row[(first + 1) % 3]) - a).cross(at(row[(first + 2) % 3]) - a);
-      const double norm = std::sqrt(cross.squaredNorm());
+      const double norm = cross.stableNorm();  // of an area: its square may be out of range
       std::size_t& e = longest[slot(f)] = edges_.edge(f, 0);
       for (int k = 1; k < 3; ++k) {
         const std::size_t g = edges_.edge(f, k);
