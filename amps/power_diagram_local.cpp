@@ -218,8 +218,74 @@ void RestrictedPowerDiagram::enter_local_facets(Index s) {
   localize_foreign(s);
 }
 
+/// A fragment of a local facet near x, found from the facet's first one by moving to whoever beyond an edge has less power there.
+/// In doubles: it is only where a search begins.
+Index RestrictedPowerDiagram::local_fragment_near(Index facet, const Vec3& x) const {
+  Index at = first_of_facet(facet);
+  const auto power = [&](Index s) { return (site(s).position() - x).squaredNorm() - site(s).w; };
+  for (double least = INFINITY; at != kNone;) {
+    const Polygon here = polygon(at);
+    if (here.site == kNone) return kNone;
+    least = std::min(least, power(here.site));
+    Index next = kNone;
+    for (Index k = 0; k < here.size; ++k) {
+      if (!is_site(here.labels[k]) || !(power(here.labels[k]) < least)) continue;
+      least = power(here.labels[k]);
+      next = here.labels[k];
+    }
+    if (next == kNone) return at;
+    at = fragment_of(facet, next);
+  }
+  return kNone;
+}
+
+/// enter_local_facet() without a search for who bounds the new cell: those it takes from, since beyond each of its edges lies
+/// one of them, and what it takes hangs together. False if it takes nothing of the fragment near its site, and nothing has changed
+/// then.
+bool RestrictedPowerDiagram::enter_large_facet(Index facet, Index s, Clipper& clipper) {
+  const Index first = local_fragment_near(facet, site(s).position());
+  if (first == kNone) return false;
+  std::vector<Plane> planes;
+  std::vector<Index> queue = {fragments_[slot(first)].site};
+  const std::uint32_t stamp = new_stamp();
+  stamp_[slot(s + kSentinels)] = stamp_[slot(queue.front() + kSentinels)] = stamp;
+  for (std::size_t k = 0; k < queue.size(); ++k) {
+    const Index f = fragment_of(facet, queue[k]);
+    const Polygon old = polygon(f);
+    for (Index n = 0; n < old.size; ++n) labels_of_old_.push_back(old.labels[n]);
+    clipper.load(old);
+    const bool cut = clipper.clip(s);
+    if (cut) {
+      planes.push_back(plane(s, queue[k]));
+      changed_.push_back(f);
+      changed_sites_.push_back(queue[k]);
+      if (clipper.empty()) {
+        free_fragment(f);
+      } else {
+        store_polygon(fragments_[slot(f)], clipper);
+      }
+      for (const Index label : labels_of_old_) {
+        if (!is_site(label) || stamp_[slot(label + kSentinels)] == stamp) continue;
+        stamp_[slot(label + kSentinels)] = stamp;
+        queue.push_back(label);
+      }
+    }
+    labels_of_old_.clear();
+  }
+  if (planes.empty()) return false;
+  std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
+  clipper.set_facet(facet);
+  clipper.start(s);
+  clipper.clip_all(planes.data(), planes.data() + planes.size());
+  AMPS_ASSERT(!clipper.empty());
+  add_fragment(facet, s, clipper);
+  return true;
+}
+
 void RestrictedPowerDiagram::enter_local_facet(Index facet, Index s, Clipper& clipper) {
-  if (reach_lists_->num_samples(facet) > detail::kFewLocalSites && site_grid_.empty()) make_site_grid();
+  const bool large = reach_lists_->num_samples(facet) > detail::kFewLocalSites;
+  if (large && site_grid_.empty()) make_site_grid();
+  if (large && enter_large_facet(facet, s, clipper)) return;
   clipper.set_facet(facet);
   clip_locally(facet, s, clipper);
   if (clipper.empty()) return;

@@ -27,6 +27,8 @@ constexpr double kTargetTolerance = 0.01;
 constexpr int kTargetAttempts = 100;
 constexpr int kMinTargetAttempts = 8;
 constexpr double kTargetSamples = 1e5;
+/// How far radii may grow beyond the first estimate to make room for samples on curves.
+constexpr double kMaxScaleAtCurves = 1.5;
 /// Offset between the seeds of those runs: 2^64 over the golden ratio.
 constexpr std::uint64_t kSeedStride = 0x9e3779b97f4a7c15u;
 
@@ -371,8 +373,12 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   const double target = options.target_count;
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingReport total;
+  double first_scale = 0;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
     const double scale = model->scale();
+    if (attempt == 1) first_scale = scale;
+    // Where curves need most of the samples, larger disks on faces help little: the set stays larger than asked for.
+    if (surface.curves != nullptr && scale > kMaxScaleAtCurves * first_scale) break;
     const WantedRadii radii =
         by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
