@@ -364,14 +364,16 @@ void for_each_next(const std::vector<CurveStop>& stops, std::size_t p, const Vis
   }
 }
 
-/// Of each stop, into how many pieces the rest of the curve can be cut at most, or kManyPieces if more; −1: it cannot.
+/// Of each stop, into how many pieces the rest of the curve can be cut at most, or kManyPieces if more; −1: it cannot. Pieces are
+/// those that allowed(p, q) holds of.
 constexpr signed char kManyPieces = 3;
-std::vector<signed char> most_pieces(const std::vector<CurveStop>& stops) {
+template <class Allowed>
+std::vector<signed char> most_pieces(const std::vector<CurveStop>& stops, const Allowed& allowed) {
   std::vector<signed char> most(stops.size(), -1);
   most.back() = 0;
   for (std::size_t p = stops.size() - 1; p-- > 0;) {
     for_each_next(stops, p, [&](std::size_t q) {
-      if (most[q] < 0) return;
+      if (most[q] < 0 || most[p] > most[q] || !allowed(p, q)) return;
       most[p] = std::max(most[p], static_cast<signed char>(std::min<int>(kManyPieces, most[q] + 1)));
     });
   }
@@ -397,7 +399,10 @@ Spacing space_between(const CurveTask& task, const CurveStop& first, const Curve
     return result;
   }
   const std::vector<CurveStop> stops = stops_between(task, first, last, rng);
-  const std::vector<signed char> most = most_pieces(stops);
+  // Along chords that are surely kept if there is such a way, else along any.
+  std::vector<signed char> most = most_pieces(
+      stops, [&](std::size_t p, std::size_t q) { return is_surely_kept(task, stops[p], stops[q]); });
+  if (most[0] < least_pieces) most = most_pieces(stops, [](std::size_t, std::size_t) { return true; });
   if (most[0] < least_pieces) {
     std::size_t reached = 0;
     while (reached + 1 < stops.size() && most[reached] < 0) ++reached;

@@ -36,7 +36,8 @@ struct Curve {
   double length() const { return arc.back(); }
 };
 
-/// The curves of a surface. The same for any order of facets, rotation of their indices, orientation and number of threads.
+/// The curves of a surface. But for the numbers of patches the same for any order of facets, rotation of their indices, orientation
+/// and number of threads.
 struct CurveGraph {
   std::vector<Curve> curves;
   std::vector<Index> corners;          ///< surface vertices, ascending
@@ -50,7 +51,7 @@ struct CurveGraph {
 };
 
 /// Finds the curves. Candidates are edges whose facets' normals differ by more than `crease_angle`; they stay where the normals
-/// averaged within r on each side differ by more than 3/4 of it, in chains and components that are long enough against r.
+/// averaged within r on each side differ by more than 3/4 of it, in chains and components that are long enough against r; components of many short curves are none.
 /// Borders, edges of many sheets, borders of labels and marked edges always stay. Throws Error(kInvalidArgument) for options out
 /// of range, Error(kInvalidMesh) as require_usable() does, Error(kCancelled). O(#F) expected but for the averages: each looks at
 /// no more than 512 facets a side, so where these are far smaller than r it is over less than r.
