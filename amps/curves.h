@@ -51,7 +51,8 @@ struct CurveGraph {
 };
 
 /// Finds the curves. Candidates are edges whose facets' normals differ by more than `crease_angle`; they stay where the normals
-/// averaged within r on each side differ by more than 3/4 of it, in chains and components that are long enough against r; components of many short curves are none.
+/// averaged within r on each side differ by more than 3/4 of it, in chains and components that are long enough against r;
+/// components of many short curves are none.
 /// Borders, edges of many sheets, borders of labels and marked edges always stay. Throws Error(kInvalidArgument) for options out
 /// of range, Error(kInvalidMesh) as require_usable() does, Error(kCancelled). O(#F) expected but for the averages: each looks at
 /// no more than 512 facets a side, so where these are far smaller than r it is over less than r.
