@@ -169,7 +169,8 @@ class Table {
     } else {
       const auto values = matrix.template cast<T>();
       if constexpr (std::is_integral_v<T>) {
-        if (!(values.template cast<S>().array() == matrix.array()).all()) {
+        const bool same_sign = std::is_signed_v<S> || (values.array() >= 0).all();
+        if (!same_sign || !(values.template cast<S>().array() == matrix.array()).all()) {
           throw Error(ErrorCode::kInvalidArgument, "amps: an index does not fit into 32 bits");
         }
       }

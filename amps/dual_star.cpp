@@ -125,7 +125,7 @@ void StarReader::list_bad(Index s, std::vector<BadItem>& items) {
 void AngleRange::add(const Vec3& x, const Vec3& y, const Vec3& z) {
   const std::array<double, 3> side = {(y - z).squaredNorm(), (z - x).squaredNorm(), (x - y).squaredNorm()};
   for (std::size_t k = 0; k < 3; ++k) {
-    const double p = side[(k + 1) % 3], q = side[(k + 2) % 3], cosine = (p + q - side[k]) / (2 * std::sqrt(p * q));
+    const double cosine = corner_cosine(side[(k + 1) % 3], side[(k + 2) % 3], side[k]);
     min_cosine_ = std::min(min_cosine_, cosine);
     max_cosine_ = std::max(max_cosine_, cosine);
   }

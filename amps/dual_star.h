@@ -16,6 +16,13 @@ namespace amps::detail {
 /// An energy counts as lowered from this on; less may be rounding.
 inline constexpr double kMinGain = 1e-6;
 
+/// Law of cosines, from squared lengths: of the angle between the first two sides.
+inline double corner_cosine(double beside, double other, double opposite) {
+  const double product = beside * other;  // a length to the fourth
+  const bool in_range = product > 1e-290 && product < 1e290;
+  return (beside + other - opposite) / (2 * (in_range ? std::sqrt(product) : std::sqrt(beside) * std::sqrt(other)));
+}
+
 /// How bad a triangle or a valence is; 0: good.
 class DualRating {
  public:
@@ -46,9 +53,8 @@ class DualRating {
   /// An angle above its bound counts this times as much as one below.
   static constexpr double kObtuseShare = 0.5;
 
-  /// Law of cosines, from squared lengths.
   double corner(double beside, double other, double opposite) const {
-    const double cosine = (beside + other - opposite) / (2 * std::sqrt(beside * other));
+    const double cosine = corner_cosine(beside, other, opposite);
     if (cosine > cos_min_) return below_ * (cosine - cos_min_) + kPerBadTriangle / 2;
     if (cosine < cos_max_) return above_ * (cos_max_ - cosine) + kPerBadTriangle;
     return 0;

@@ -157,6 +157,7 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
                                     const DiskSet* disks) {
   const Execution run = execution.start("checking coverage and distances");
   MaximalityReport report;
+  report.measured = true;
   FragmentGap gap;
   Ticker ticker(run.part(0, 0.4), slot(diagram.fragment_capacity()), kFragmentsPerLook);
   for (Index f = 0; f < diagram.fragment_capacity(); ++f) {

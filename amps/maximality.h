@@ -20,6 +20,7 @@ namespace amps {
 
 /// Certificate of a sample set, computed from a fresh restricted power diagram.
 struct MaximalityReport {
+  bool measured = false;      ///< false: nothing is known, as in the report of what was cancelled; it is neither, then
   double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r, to rounding; maximal: at most 1
   double worst_separation = 0;  ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample.
                                 ///< With ConflictRule::kMin: of |p_i − p_j|/min(r_i, r_j). Over disks that know their surface:
@@ -28,8 +29,10 @@ struct MaximalityReport {
   double gap_area = 0;  ///< uncovered area, absolute, in closed form
   /// Without a tolerance: exactly. With one: as if all radii were larger by that share, for sets that come from elsewhere with
   /// rounded numbers.
-  bool maximal(double tolerance = 0) const { return gaps == 0 || (tolerance > 0 && worst_coverage <= 1 + tolerance); }
-  bool poisson_disk(double tolerance = 1e-9) const { return worst_separation >= 1 - tolerance; }
+  bool maximal(double tolerance = 0) const {
+    return measured && (gaps == 0 || (tolerance > 0 && worst_coverage <= 1 + tolerance));
+  }
+  bool poisson_disk(double tolerance = 1e-9) const { return measured && worst_separation >= 1 - tolerance; }
 };
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
 /// barycentrics are given but not one a sample; kInvalidMesh; kCancelled, as find_gaps().

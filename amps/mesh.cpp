@@ -54,6 +54,10 @@ void for_each_watched(Index n, const Execution& run, const Body& body) {
 
 void require_index_sizes(const MeshView& mesh) {
   constexpr std::ptrdiff_t limit = std::numeric_limits<Index>::max();
+  if (mesh.vertices.rows() < 0 || mesh.triangles.rows() < 0) {
+    throw Error(ErrorCode::kInvalidMesh, "mesh: a view of " + std::to_string(mesh.vertices.rows()) + " vertices and " +
+                                             std::to_string(mesh.triangles.rows()) + " facets; counts are not negative");
+  }
   if (mesh.vertices.rows() > limit || mesh.triangles.rows() > limit) {
     throw Error(ErrorCode::kTooLarge, "mesh: more than 2^31 - 1 vertices or facets; cut it into parts");
   }
@@ -81,7 +85,7 @@ FacetCross facet_cross(const MeshView& mesh, Index f) {
   FacetCross result;
   Vec3 u = b - a, v = c - a;
   const double size = std::max(u.cwiseAbs().maxCoeff(), v.cwiseAbs().maxCoeff());
-  if (size > 0 && std::isfinite(size) && (size > 0x1p300 || size < 0x1p-300)) {
+  if (size > 0 && std::isfinite(size) && (size > 0x1p200 || size < 0x1p-200)) {
     int exponent = 0;
     std::frexp(size, &exponent);
     exponent = std::clamp(exponent, -1000, 1000);  // so that 2^±exponent is a normal number

@@ -35,6 +35,17 @@ FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
     lengths[k] = edges[k].norm();
   }
   const int longest = static_cast<int>(std::max_element(lengths, lengths + 3) - lengths);
+  // Products of lengths stay in range. Angles and Q do not depend on the scale.
+  double scale = 1;
+  if (lengths[longest] > 0x1p200 || (lengths[longest] < 0x1p-200 && lengths[longest] > 0)) {
+    int exponent = 0;
+    std::frexp(lengths[longest], &exponent);
+    scale = std::ldexp(1.0, std::clamp(exponent, -1000, 1000));
+    for (int k = 0; k < 3; ++k) {
+      edges[k] /= scale;
+      lengths[k] /= scale;
+    }
+  }
   // Twice the area, from the two shorter edges: its error is relative to their product, the smallest of the three.
   const double twice_area = edges[(longest + 1) % 3].cross(edges[(longest + 2) % 3]).norm();
   if (!(twice_area > 0)) return {0, 0, 180, true, 0};
@@ -49,6 +60,7 @@ FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
   }
   const double half_perimeter = (lengths[0] + lengths[1] + lengths[2]) / 2;
   shape.q = 6 / std::sqrt(3.0) * shape.area / (half_perimeter * lengths[longest]);
+  shape.area = shape.area * scale * scale;
   return shape;
 }
 

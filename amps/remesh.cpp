@@ -267,6 +267,7 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
 /// remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
 void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, const Execution& execution,
                        const RemeshParts& parts, RemeshResult& result) {
+  if (options.optimize) result.report.optimization.status = Outcome::kCancelled;  // until it is done
   const SamplingSurface surface_of_input = sampling_surface(mesh, options.curves, sampling);
   if (options.optimize && sampling.target_count > 0) {
     // What optimisation will add, for each sample that it may move.

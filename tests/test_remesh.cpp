@@ -422,6 +422,41 @@ TEST_CASE("remesh: the same seed gives the same bits with every compiler and bui
   CHECK(hash(amps::remesh(amps::make_cube(7), optimized)) == 16661594978425013042u);
 }
 
+TEST_CASE("remesh: scaled by a power of two, a mesh has the same angles, and is improved as far") {
+  const Mesh torus = amps::make_torus(1, 0.4, 48, 20);
+  for (const bool optimize : {false, true}) {
+    RemeshOptions options = plain(with_radius(0.25));
+    options.optimize = optimize;
+    const RemeshResult one = amps::remesh(torus, options);
+    for (const double factor : {0x1p330, 0x1p256, 0x1p-256, 0x1p-270, 0x1p-330}) {
+      CAPTURE(factor);
+      options.sampling.radius = 0.25 * factor;
+      const RemeshResult other = amps::remesh(scaled(torus, factor), options);
+      CHECK(other.status == one.status);
+      if (optimize) {  // energies are rounded otherwise where products would leave the range of doubles
+        CHECK(other.report.optimization.iterations.back().min_angle >= 35 - 1e-9);
+        CHECK(other.report.quality.min_angle >= 35 - 1e-9);
+        CHECK(other.report.quality.max_angle <= 105 + 1e-9);
+        continue;
+      }
+      CHECK(other.samples.size() == one.samples.size());
+      CHECK(other.report.quality.min_angle == doctest::Approx(one.report.quality.min_angle).epsilon(1e-9));
+      CHECK(other.report.quality.max_angle == doctest::Approx(one.report.quality.max_angle).epsilon(1e-9));
+    }
+  }
+}
+
+TEST_CASE("remesh: what was cancelled claims nothing") {
+  RemeshOptions options;
+  options.sampling = with_radius(0.05);
+  options.sampling.execution = amps::Execution(1, amps::Progress([](const char*, double fraction) { return fraction < 0.05; }));
+  const RemeshResult result = amps::remesh(amps::make_sphere(2000), options);
+  CHECK(result.status == Outcome::kCancelled);
+  CHECK(!result.report.maximality.maximal());
+  CHECK(!result.report.maximality.poisson_disk());
+  CHECK(result.report.optimization.status == Outcome::kCancelled);
+}
+
 TEST_CASE("remesh: its status is that of the part that went worst") {
   const Mesh sphere = amps::make_sphere(320);
   RemeshOptions options = plain(with_radius(0.5));
