@@ -3,8 +3,8 @@
 // amps places maximal Poisson-disk sets on triangle meshes and remeshes with them (Yan & Wonka, SIGGRAPH Asia 2012; ACM TOG
 // 32(5), 2013). A set of disks of radius r is Poisson-disk when no two centres are nearer than r, and maximal when no further
 // disk fits: every point of the surface is within r of a centre. Of a maximal set, the dual triangulation on the surface has
-// all angles in [30°, 120°] and all edges in [r, 2r]: guaranteed, on any surface. Whether a set is maximal is decided exactly, not
-// by tolerance: by the signs of polynomials at the corners of the cells of a diagram.
+// all angles in [30°, 120°] and all edges in [r, 2r]: guaranteed, on any surface. Whether a set is maximal is decided exactly,
+// not by tolerance: by the signs of polynomials at the corners of the cells of a diagram.
 //
 //   #include "amps/amps.h"
 //

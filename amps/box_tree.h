@@ -34,8 +34,8 @@ class BoxTree {
  private:
   struct Node {
     Vec3 min, max;
-    double value;              ///< the least of its items
-    Index begin, end;          ///< its items, in order_
+    double value;                ///< the least of its items
+    Index begin, end;            ///< its items, in order_
     Index second_child = kNone;  ///< the first one follows; kNone: a leaf
   };
   static double least(const Node& node, const Vec3& x, double slope) {

@@ -122,8 +122,7 @@ Clearance CurveProximity::reached(const PlacedPoint& at, double bound) {
     if (candidate.distance >= result.of_others) break;
     if (candidate.distance >= least) continue;
     target.position = candidate.point;
-    target.homes = flood_.homes_of_edge(
-        graph_.curves[slot(candidate.segment.curve)].edges[slot(candidate.segment.piece)]);
+    target.homes = flood_.homes_of_edge(graph_.curves[slot(candidate.segment.curve)].edges[slot(candidate.segment.piece)]);
     const double enough = candidate.distance * kAboveRounding;
     if (flood_.holds(at, enough * enough, target, scratch_) || detours >= kMaxDetours) {
       least = candidate.distance;

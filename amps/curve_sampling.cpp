@@ -94,9 +94,9 @@ class RadiusTable {
  public:
   struct Node {
     double s;
-    double bound;                      ///< whatever the corners' radii are
-    std::array<double, 2> of_wedge;    ///< bounds outside of the disks of the corners at the ends
-    std::array<double, 2> to_corner;   ///< distances to the corners
+    double bound;                     ///< whatever the corners' radii are
+    std::array<double, 2> of_wedge;   ///< bounds outside of the disks of the corners at the ends
+    std::array<double, 2> to_corner;  ///< distances to the corners
     double radius = 0;
   };
 
@@ -118,8 +118,8 @@ class RadiusTable {
 
  private:
   std::size_t interval(double s) const {
-    const auto after = std::upper_bound(nodes_.begin() + 1, nodes_.end() - 1, s,
-                                        [](double x, const Node& node) { return x < node.s; });
+    const auto after =
+        std::upper_bound(nodes_.begin() + 1, nodes_.end() - 1, s, [](double x, const Node& node) { return x < node.s; });
     return static_cast<std::size_t>(after - nodes_.begin()) - 1;
   }
   double integral(std::size_t k) const {  // of an interval
@@ -309,9 +309,8 @@ void add_window(const CurveTask& task, const CurveStop& end, double sign, double
   };
   const double begin = first_where(0, [&](const CurveStop& q) { return squared(q) > end.radius * end.radius; });
   if (begin == kInfinite || task.stop(end.s + sign * begin).radius > kMuchLess * end.radius) return;
-  double last = first_where(begin, [&](const CurveStop& q) {
-    return squared(q) > end.radius * end.radius + kWeightInUse * q.radius * q.radius;
-  });
+  double last = first_where(
+      begin, [&](const CurveStop& q) { return squared(q) > end.radius * end.radius + kWeightInUse * q.radius * q.radius; });
   last = std::min(last, way);
   for (int k = 0; k < kStopsOfWindow; ++k) {
     const double at = begin + (last - begin) * (k + rng.uniform()) / kStopsOfWindow;
@@ -364,8 +363,8 @@ void for_each_next(const std::vector<CurveStop>& stops, std::size_t p, const Vis
   }
 }
 
-/// Of each stop, into how many pieces the rest of the curve can be cut at most, or kManyPieces if more; −1: it cannot. Pieces are
-/// those that allowed(p, q) holds of.
+/// Of each stop, into how many pieces the rest of the curve can be cut at most, or kManyPieces if more; −1: it cannot. Pieces
+/// are those that allowed(p, q) holds of.
 constexpr signed char kManyPieces = 3;
 template <class Allowed>
 std::vector<signed char> most_pieces(const std::vector<CurveStop>& stops, const Allowed& allowed) {
@@ -400,8 +399,8 @@ Spacing space_between(const CurveTask& task, const CurveStop& first, const Curve
   }
   const std::vector<CurveStop> stops = stops_between(task, first, last, rng);
   // Along chords that are surely kept if there is such a way, else along any.
-  std::vector<signed char> most = most_pieces(
-      stops, [&](std::size_t p, std::size_t q) { return is_surely_kept(task, stops[p], stops[q]); });
+  std::vector<signed char> most =
+      most_pieces(stops, [&](std::size_t p, std::size_t q) { return is_surely_kept(task, stops[p], stops[q]); });
   if (most[0] < least_pieces) most = most_pieces(stops, [](std::size_t, std::size_t) { return true; });
   if (most[0] < least_pieces) {
     std::size_t reached = 0;
@@ -481,7 +480,7 @@ class CurveSampler {
  private:
   struct State {
     RadiusTable table;
-    std::vector<std::pair<double, double>> lowered;  ///< parameters and radii that the table was lowered to there
+    std::vector<std::pair<double, double>> lowered;                ///< parameters and radii that the table was lowered to there
     std::array<double, 2> ends_of_table = {kInfinite, kInfinite};  ///< the corners' radii that the table was made for
     std::array<bool, 2> has_wedge = {false, false};
     double most = kInfinite;
@@ -507,9 +506,7 @@ class CurveSampler {
   }
   const Curve& curve(Index c) const { return graph_.curves[slot(c)]; }
   std::array<Index, 2> corners_of(Index c) const { return {curve(c).first_corner, curve(c).last_corner}; }
-  CurveTask task(Index c) const {
-    return {mesh_, flood_.edges(), curve(c), states_[slot(c)].table, wanted_, options_.limits};
-  }
+  CurveTask task(Index c) const { return {mesh_, flood_.edges(), curve(c), states_[slot(c)].table, wanted_, options_.limits}; }
   CurveRadii radii_of(Index c) const;
 
   void require_few(double radii_of_way) const;
@@ -629,8 +626,8 @@ void CurveSampler::prepare_corners() {
 RadiusTable::Node CurveSampler::make_node(Index c, double s, double bound) {
   const CurvePlace place = place_on_curve(mesh_, flood_.edges(), curve(c), s);
   const double wanted = wanted_at(place.at);
-  PlacedPoint at{place.at.position, place.vertex != kNone ? flood_.homes_of_vertex(place.vertex)
-                                                          : flood_.homes_of_edge(place.edge)};
+  PlacedPoint at{place.at.position,
+                 place.vertex != kNone ? flood_.homes_of_vertex(place.vertex) : flood_.homes_of_edge(place.edge)};
   bound = std::min(bound, wanted);
   const Clearance clear = proximity_.of_curve(c, s, at, bound);
   const double least = std::min(bound, kLeastShare * wanted);

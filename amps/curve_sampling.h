@@ -36,12 +36,12 @@ inline constexpr double kCapGradation = 0.2;
 
 /// A sample on a corner or a curve.
 struct CurveSample {
-  Sample sample;          ///< barycentrics are 0 exactly where the point is on an edge or at a vertex
-  Index curve = kNone;    ///< kNone: on a corner
-  Index corner = kNone;   ///< kNone: on a curve
-  double parameter = 0;   ///< length along the curve from its start; 0 on a corner
+  Sample sample;                          ///< barycentrics are 0 exactly where the point is on an edge or at a vertex
+  Index curve = kNone;                    ///< kNone: on a corner
+  Index corner = kNone;                   ///< kNone: on a curve
+  double parameter = 0;                   ///< length along the curve from its start; 0 on a corner
   std::size_t edge = MeshEdges::kNoEdge;  ///< of SurfaceEdges; kNoEdge: at a vertex
-  Index vertex = kNone;   ///< of the surface; kNone: inside an edge
+  Index vertex = kNone;                   ///< of the surface; kNone: inside an edge
 };
 
 /// The facets that it lies in, ascending.
@@ -65,7 +65,7 @@ struct CurveSamples {
   /// ends with the pair of its last and first sample.
   std::vector<std::array<Index, 2>> edges;
   std::vector<std::size_t> first_edge;  ///< of each curve, in `edges`, and the end
-  CapField caps{{}, kCapGradation};               ///< around the lowered samples: what the radii of faces have to stay below
+  CapField caps{{}, kCapGradation};     ///< around the lowered samples: what the radii of faces have to stay below
   CurveSamplingReport report;
 };
 

@@ -12,18 +12,18 @@ namespace amps {
 namespace detail {
 namespace {
 
-constexpr double kConfirmedShare = 0.75;    // of the threshold, for averaged normals
-constexpr double kThinFacet = 1e-3;         // height over r below which a facet's own normal is noise
-constexpr int kThinSteps = 64;              // thin facets in a row
+constexpr double kConfirmedShare = 0.75;  // of the threshold, for averaged normals
+constexpr double kThinFacet = 1e-3;       // height over r below which a facet's own normal is noise
+constexpr int kThinSteps = 64;            // thin facets in a row
 constexpr std::size_t kFacetsPerAverage = 512;
-constexpr double kShortCurve = 12;          // in r: chains that end freely, and components
-constexpr double kShortLoop = 3;            // in r: smooth loops
-/// Mean length, in r, of the curves of a component: below it is a web. All machined parts of the tests have 4.3 and more, webs on
-/// scans and figures of few facets 3.3 and less.
+constexpr double kShortCurve = 12;  // in r: chains that end freely, and components
+constexpr double kShortLoop = 3;    // in r: smooth loops
+/// Mean length, in r, of the curves of a component: below it is a web. All machined parts of the tests have 4.3 and more, webs
+/// on scans and figures of few facets 3.3 and less.
 constexpr double kShortMeanCurve = 4;
-constexpr double kSmoothTurn = 65;          // degrees, at each vertex of a smooth loop
-constexpr double kSharpTurn = 60;           // degrees from edge to edge: a corner always
-constexpr double kCornerTurn = 45;          // degrees, over kTurnReach · r
+constexpr double kSmoothTurn = 65;  // degrees, at each vertex of a smooth loop
+constexpr double kSharpTurn = 60;   // degrees from edge to edge: a corner always
+constexpr double kCornerTurn = 45;  // degrees, over kTurnReach · r
 constexpr double kTurnReach = 0.25;
 
 /// Cosine of the angle between two directions, at any scale; 1 where one has no length.
@@ -319,8 +319,8 @@ class CurveFinder {
     }
   }
 
-  /// Drops components without fixed edges that are a web of short curves, as on rough scans and coarse figures; false if there is
-  /// none.
+  /// Drops components without fixed edges that are a web of short curves, as on rough scans and coarse figures; false if there
+  /// is none.
   bool drop_webs() {
     run_.check();
     UnionFind sets(graph_.curves.size());
@@ -384,8 +384,7 @@ class CurveFinder {
       if (degree(v) != 2) return;
       if (cosine_of_turn(v) < sharp) corner[slot(v)] = 1;
       if (!has_radius()) return;
-      turn[slot(v)] =
-          cosine_between(at(v) - ahead(v, edge_at(v, 0), reach(v)), ahead(v, edge_at(v, 1), reach(v)) - at(v));
+      turn[slot(v)] = cosine_between(at(v) - ahead(v, edge_at(v, 0), reach(v)), ahead(v, edge_at(v, 1), reach(v)) - at(v));
     });
     for (Index v = 0; v < edges_.num_vertices() && has_radius(); ++v) {
       if (degree(v) != 2 || corner[slot(v)] || !(turn[slot(v)] < bent)) continue;
@@ -464,10 +463,10 @@ class CurveFinder {
   const SurfaceEdges& edges_;
   const CurveOptions& options_;
   const Execution& run_;
-  std::vector<double> length_, radius_;     // by edge
+  std::vector<double> length_, radius_;          // by edge
   std::vector<char> curve_, fixed_, candidate_;  // by edge
-  std::vector<Index> first_;                // of each vertex the surface vertex, where something is marked
-  std::vector<Vec3> normal_;                // by facet
+  std::vector<Index> first_;                     // of each vertex the surface vertex, where something is marked
+  std::vector<Vec3> normal_;                     // by facet
   std::vector<double> area_;
   std::vector<std::size_t> first_at_, at_;  // curve edges by vertex
   CurveGraph graph_;

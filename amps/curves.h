@@ -14,12 +14,12 @@ namespace amps {
 
 /// Which edges of a surface are kept as curves.
 struct CurveOptions {
-  bool creases = true;       ///< keep creases
-  double crease_angle = 40;  ///< degrees between the normals of two facets above which their edge is a candidate, in (0, 180)
-  bool borders = true;       ///< keep boundaries, and edges of three and more facets
-  double radius = 0;    ///< the wanted radius r, absolute, if `sizing` is empty; 0: nothing is averaged or dropped
-  SizingField sizing;   ///< the wanted radius by place, instead of `radius`
-  std::vector<Index> labels;                ///< of each facet: borders between labels are curves; empty: none
+  bool creases = true;        ///< keep creases
+  double crease_angle = 40;   ///< degrees between the normals of two facets above which their edge is a candidate, in (0, 180)
+  bool borders = true;        ///< keep boundaries, and edges of three and more facets
+  double radius = 0;          ///< the wanted radius r, absolute, if `sizing` is empty; 0: nothing is averaged or dropped
+  SizingField sizing;         ///< the wanted radius by place, instead of `radius`
+  std::vector<Index> labels;  ///< of each facet: borders between labels are curves; empty: none
   std::vector<std::array<Index, 2>> edges;  ///< marked by the user, by mesh vertices
   std::vector<Index> vertices;              ///< marked by the user, by mesh vertices: corners
   Execution execution;
@@ -36,16 +36,16 @@ struct Curve {
   double length() const { return arc.back(); }
 };
 
-/// The curves of a surface. But for the numbers of patches the same for any order of facets, rotation of their indices, orientation
-/// and number of threads.
+/// The curves of a surface. But for the numbers of patches the same for any order of facets, rotation of their indices,
+/// orientation and number of threads.
 struct CurveGraph {
   std::vector<Curve> curves;
-  std::vector<Index> corners;          ///< surface vertices, ascending
-  std::vector<char> is_curve_edge;     ///< by edge of SurfaceEdges
-  std::vector<std::size_t> dropped;    ///< candidates that are no curves after all, ascending
-  std::vector<Index> curve_of_edge;    ///< by edge; kNone where there is none
+  std::vector<Index> corners;           ///< surface vertices, ascending
+  std::vector<char> is_curve_edge;      ///< by edge of SurfaceEdges
+  std::vector<std::size_t> dropped;     ///< candidates that are no curves after all, ascending
+  std::vector<Index> curve_of_edge;     ///< by edge; kNone where there is none
   std::vector<Index> corner_of_vertex;  ///< by mesh vertex, for surface vertices; kNone where there is none
-  std::vector<Index> patch_of_facet;   ///< connected across edges that are no curves; kNone: a facet that does not count
+  std::vector<Index> patch_of_facet;    ///< connected across edges that are no curves; kNone: a facet that does not count
   Index num_patches = 0;
   bool empty() const { return curves.empty() && corners.empty(); }
 };
@@ -53,9 +53,9 @@ struct CurveGraph {
 /// Finds the curves. Candidates are edges whose facets' normals differ by more than `crease_angle`; they stay where the normals
 /// averaged within r on each side differ by more than 3/4 of it, in chains and components that are long enough against r;
 /// components of many short curves are none.
-/// Borders, edges of many sheets, borders of labels and marked edges always stay. Throws Error(kInvalidArgument) for options out
-/// of range, Error(kInvalidMesh) as require_usable() does, Error(kCancelled). O(#F) expected but for the averages: each looks at
-/// no more than 512 facets a side, so where these are far smaller than r it is over less than r.
+/// Borders, edges of many sheets, borders of labels and marked edges always stay. Throws Error(kInvalidArgument) for options
+/// out of range, Error(kInvalidMesh) as require_usable() does, Error(kCancelled). O(#F) expected but for the averages: each
+/// looks at no more than 512 facets a side, so where these are far smaller than r it is over less than r.
 CurveGraph find_curves(const MeshView& mesh, const CurveOptions& options = {});
 
 namespace detail {

@@ -33,8 +33,8 @@ class DiskSet {
   /// Some sample whose disk holds x, or kNone.
   Index covering_sample(const SurfacePoint& x) const;
 
-  /// Some sample that a disk would be too near to, kNone if there is none. By the max rule: one whose disk holds the new centre,
-  /// or whose centre the new disk holds.
+  /// Some sample that a disk would be too near to, kNone if there is none. By the max rule: one whose disk holds the new
+  /// centre, or whose centre the new disk holds.
   Index conflicting_sample(const Sample& disk, ConflictRule rule) const;
 
   /// A sample that is stored; over a surface.
@@ -44,7 +44,8 @@ class DiskSet {
   bool holds_sample(Index i, Index j) const;
   /// Is there a facet that holds j and that i reaches?
   bool reaches_sample(Index i, Index j) const { return holds(i, samples_[slot(j)].at); }
-  /// The least |p_i − p_j|/r_i of samples whose disk holds the centre of another one, over a surface; infinite if there is none.
+  /// The least |p_i − p_j|/r_i of samples whose disk holds the centre of another one, over a surface; infinite if there is
+  /// none.
   double worst_conflict(const Execution& execution) const;
 
   /// The radius, up to `wanted`, of a new disk around a point that lies in no disk, such that it holds no sample; where the
@@ -85,8 +86,8 @@ class DiskSet {
 /// The floods of a mesh where disks know their surface, else null.
 std::shared_ptr<const SurfaceFlood> flood_of(const MeshView& mesh, Neighborhood neighborhood, const Execution& execution = {});
 
-/// The disks of a set, ids being rows. Over a surface a sample that says of no facet lies on the nearest one. The radii are those
-/// of the set, and others in [min_radius, max_radius]. Throws Error(kTooLarge) for radii out of proportion to the box.
+/// The disks of a set, ids being rows. Over a surface a sample that says of no facet lies on the nearest one. The radii are
+/// those of the set, and others in [min_radius, max_radius]. Throws Error(kTooLarge) for radii out of proportion to the box.
 std::shared_ptr<DiskSet> disks_of(const MeshView& mesh, const SampleSet& samples, double min_radius, double max_radius,
                                   const std::shared_ptr<const SurfaceFlood>& flood, const Execution& execution = {});
 

@@ -61,8 +61,8 @@ struct GapFilling {
 /// where all else is covered: look_at() what has changed, fill(), forget(). One object per thread.
 class GapFiller {
  public:
-  /// Enters a sample into the diagram, the disks, and whatever else its owner keeps: that is also where a caller who may want to
-  /// undo it all takes notes. `near`: a site close to it. The filler looks at the diagram's changed() afterwards.
+  /// Enters a sample into the diagram, the disks, and whatever else its owner keeps: that is also where a caller who may want
+  /// to undo it all takes notes. `near`: a site close to it. The filler looks at the diagram's changed() afterwards.
   using Enter = std::function<void(const Sample& sample, Index near)>;
 
   /// All must outlive it. The disks are the sites of the diagram that are not removed, with radii whose rounded squares are

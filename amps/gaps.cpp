@@ -55,7 +55,8 @@ double FragmentGap::assign(const RestrictedPowerDiagram& diagram, const Restrict
   if (polygon.site == kNone) {  // all of it is a gap, as beside a ball that is too far away to meet it
     double extent = 0;
     for (Index k = 1; k < polygon.size; ++k) extent = std::max(extent, (polygon.corners[k] - polygon.corners[0]).norm());
-    return assign({polygon.corners, decided_.size(), normal}, {polygon.corners[0] + 2 * extent * normal, extent * extent}, decided_);
+    return assign({polygon.corners, decided_.size(), normal}, {polygon.corners[0] + 2 * extent * normal, extent * extent},
+                  decided_);
   }
   const WeightedPoint& site = diagram.site(polygon.site);
   return assign({polygon.corners, decided_.size(), normal}, {site.position(), site.w}, decided_);

@@ -37,8 +37,7 @@ struct MaximalityReport {
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
 /// barycentrics are given but not one a sample; kInvalidMesh; kCancelled, as find_gaps().
 MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                                ConflictRule rule = ConflictRule::kMax,
-                                Neighborhood neighborhood = Neighborhood::kSpace);
+                                ConflictRule rule = ConflictRule::kMax, Neighborhood neighborhood = Neighborhood::kSpace);
 std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
 
 /// The uncovered part of the surface as triangles: the gap primitives. Each triangle contains a piece of a gap (and may

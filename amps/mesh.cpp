@@ -380,9 +380,8 @@ std::ostream& operator<<(std::ostream& out, const MeshReport& report) {
       << report.box.max.transpose() << "]\ntopology               " << report.topology << "\nnon-finite vertices    "
       << report.non_finite_vertices << "\nout-of-range facets    " << report.out_of_range_facets << "\nrepeated-index facets  "
       << report.repeated_index_facets << "\nzero-area facets       " << report.zero_area_facets << "\nrepeated facets        "
-      << report.repeated_facets << "\nduplicate vertices     "
-      << report.duplicate_vertices << "\nisolated vertices      " << report.isolated_vertices << "\nusable                 "
-      << (report.usable() ? "yes" : "no") << '\n';
+      << report.repeated_facets << "\nduplicate vertices     " << report.duplicate_vertices << "\nisolated vertices      "
+      << report.isolated_vertices << "\nusable                 " << (report.usable() ? "yes" : "no") << '\n';
   return out;
 }
 

@@ -255,7 +255,8 @@ SurfaceEdges::Parts SurfaceEdges::make_parts(const MeshView& mesh, const Executi
   return {std::move(triangles), mesh.num_vertices(), std::move(counted), std::move(repeated), std::move(edges)};
 }
 
-SurfaceEdges::SurfaceEdges(const MeshView& mesh, const Execution& run) : SurfaceEdges(make_parts(mesh, run), run.part(0.8, 1)) {}
+SurfaceEdges::SurfaceEdges(const MeshView& mesh, const Execution& run)
+    : SurfaceEdges(make_parts(mesh, run), run.part(0.8, 1)) {}
 
 SurfaceEdges::SurfaceEdges(Parts&& parts, const Execution& run)
     : triangles_(std::move(parts.triangles)),

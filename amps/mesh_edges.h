@@ -136,8 +136,8 @@ class DistinctPoints {
 std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& run = {});
 
 /// Facets whose three corners an earlier facet has, at the same positions (−0 equals 0) and in any order, ascending: they are
-/// that facet again, whatever their orientation. Never among them are facets of which two corners are at one position, or one is
-/// a NaN or no vertex. O(#V + #F) expected.
+/// that facet again, whatever their orientation. Never among them are facets of which two corners are at one position, or one
+/// is a NaN or no vertex. O(#V + #F) expected.
 std::vector<Index> find_repeated_facets(const MeshView& mesh, const Execution& run = {});
 
 /// The edges of a surface: of a mesh whose vertices of equal position are one. What is no part of the surface does not count:

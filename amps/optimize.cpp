@@ -181,7 +181,9 @@ struct EditSeries {
 /// Carries out refills, and keeps those that lower the energy of all samples affected: their stars are the only ones to change.
 class Refiller {
  public:
-  explicit Refiller(OptimizeState& state) : state_(state), filler_(state.diagram, state.samples.disks(), state.radii) { grow(); }
+  explicit Refiller(OptimizeState& state) : state_(state), filler_(state.diagram, state.samples.disks(), state.radii) {
+    grow();
+  }
 
   /// Proposals made from now on may rely on the present state.
   void begin_batch() { ++batch_; }

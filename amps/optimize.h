@@ -54,8 +54,7 @@ struct OptimizeOptions {
 struct OptimizeIteration {
   Index bad_triangles = 0;  ///< 0 if angles are not asked for
   Index bad_vertices = 0;   ///< 0 if valences are not asked for
-  double min_angle =
-      0;  ///< degrees, over bad triangles, over all in the first line and the last; 0 if there is none
+  double min_angle = 0;     ///< degrees, over bad triangles, over all in the first line and the last; 0 if there is none
   double max_angle = 0;
   Index samples = 0;
   /// What is lowered: degrees out of bounds to first order (half of those above), 0.25 for each angle below and 0.5 for each
@@ -108,7 +107,7 @@ double optimization_cost(const OptimizeOptions& options, double samples, bool un
 
 /// What the samples know of their surface. By default nothing: disks are balls.
 struct OptimizeSurface {
-  DiskSet* disks = nullptr;  ///< the samples' disks, which know their surface; edited as the samples are
+  DiskSet* disks = nullptr;              ///< the samples' disks, which know their surface; edited as the samples are
   std::shared_ptr<const CapField> caps;  ///< bounds of wanted radii, beside curves
   Index num_fixed = 0;  ///< so many samples, the first ones, lie on curves: they stay, may have any valence, and triangles
                         ///< of three of them any angles

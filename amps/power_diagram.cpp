@@ -647,7 +647,8 @@ std::string RestrictedPowerDiagram::find_violation(const Execution& execution) c
       list_local_sites(p.facet, around);
       around.erase(std::find(around.begin(), around.end(), p.site));
     } else {
-      if (reach_lists_ != nullptr && is_foreign(f)) return name(f) + ": its owner's ball meets it, but does not reach the facet";
+      if (reach_lists_ != nullptr && is_foreign(f))
+        return name(f) + ": its owner's ball meets it, but does not reach the facet";
       neighbors(p.site, around);
     }
     clipper.load(p);

@@ -12,10 +12,10 @@
 // at every vertex inside a facet. Coordinates are derived for output and measures only; all fragments at a vertex have the same
 // bits.
 //
-// Over disks that know their surface (DESIGN: reach) each facet is divided among the sites that reach it alone. Where all owners
-// in the diagram of all sites do, that diagram is right as it is: all but thin sheets, tight folds and sharp creases. There, a
-// facet is *local*: its fragments are clipped by the sites that reach it. A facet that none of them reaches is one fragment
-// without an owner.
+// Over disks that know their surface (DESIGN: reach) each facet is divided among the sites that reach it alone. Where all
+// owners in the diagram of all sites do, that diagram is right as it is: all but thin sheets, tight folds and sharp creases.
+// There, a facet is *local*: its fragments are clipped by the sites that reach it. A facet that none of them reaches is one
+// fragment without an owner.
 //
 // Const members that take an Execution throw Error(kCancelled) when cancelled.
 //
@@ -55,10 +55,10 @@ class RestrictedPowerDiagram {
   };
 
   /// The diagram of the given sites (#S by 3, #S weights; ids are rows). Views are not copied: the mesh's buffers must outlive
-  /// the diagram. Facets with exactly collinear corners have no fragments, nor have those whose three corners an earlier facet has,
-  /// at the same positions and in any order: they are that facet again, and would double all that is dual to it.
-  /// Throws Error: kInvalidMesh (require_usable), kInvalidArgument (a site not finite, no site at all).
-  /// Expected O(n log n + #fragments); facets are split over the threads of `execution`, with the same result for any number.
+  /// the diagram. Facets with exactly collinear corners have no fragments, nor have those whose three corners an earlier facet
+  /// has, at the same positions and in any order: they are that facet again, and would double all that is dual to it. Throws
+  /// Error: kInvalidMesh (require_usable), kInvalidArgument (a site not finite, no site at all). Expected O(n log n +
+  /// #fragments); facets are split over the threads of `execution`, with the same result for any number.
   RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
                          const Execution& execution = {});
 
@@ -252,7 +252,7 @@ class RestrictedPowerDiagram {
   MeshView mesh_;
   const detail::ReachLists* reach_lists_ = nullptr;  ///< null: disks are balls
   std::vector<char> local_;                          ///< by facet; empty where disks are balls
-  detail::SiteGrid site_grid_;  ///< of all sites that are not removed, once a facet has needed it
+  detail::SiteGrid site_grid_;                       ///< of all sites that are not removed, once a facet has needed it
   double max_weight_ = -INFINITY;
   RegularTriangulation triangulation_;
   std::vector<Fragment> fragments_;

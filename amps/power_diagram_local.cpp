@@ -29,7 +29,8 @@ constexpr std::int64_t kMaxSiteRings = 8;
 constexpr std::uint64_t kLocalFragmentsPerLook = 1 << 14;
 
 /// Does the ball meet the convex polygon? True where rounding leaves it open.
-bool ball_may_meet(const RestrictedPowerDiagram::Polygon& polygon, const Vec3& normal, const WeightedPoint& ball, double error) {
+bool ball_may_meet(const RestrictedPowerDiagram::Polygon& polygon, const Vec3& normal, const WeightedPoint& ball,
+                   double error) {
   constexpr double kSlack = 1e-9;
   const Vec3 p = ball.position();
   double nearest = INFINITY;
@@ -212,14 +213,15 @@ void RestrictedPowerDiagram::enter_local_facets(Index s) {
   if (takes_part(s)) {
     Clipper clipper(*this);
     for (const Index facet : reach_lists_->facets(s)) {
-      if (local(facet) && facet_error_[slot(facet)] >= 0 && fragment_of(facet, s) == kNone) enter_local_facet(facet, s, clipper);
+      if (local(facet) && facet_error_[slot(facet)] >= 0 && fragment_of(facet, s) == kNone)
+        enter_local_facet(facet, s, clipper);
     }
   }
   localize_foreign(s);
 }
 
-/// A fragment of a local facet near x, found from the facet's first one by moving to whoever beyond an edge has less power there.
-/// In doubles: it is only where a search begins.
+/// A fragment of a local facet near x, found from the facet's first one by moving to whoever beyond an edge has less power
+/// there. In doubles: it is only where a search begins.
 Index RestrictedPowerDiagram::local_fragment_near(Index facet, const Vec3& x) const {
   Index at = first_of_facet(facet);
   const auto power = [&](Index s) { return (site(s).position() - x).squaredNorm() - site(s).w; };
@@ -240,8 +242,8 @@ Index RestrictedPowerDiagram::local_fragment_near(Index facet, const Vec3& x) co
 }
 
 /// enter_local_facet() without a search for who bounds the new cell: those it takes from, since beyond each of its edges lies
-/// one of them, and what it takes hangs together. False if it takes nothing of the fragment near its site, and nothing has changed
-/// then.
+/// one of them, and what it takes hangs together. False if it takes nothing of the fragment near its site, and nothing has
+/// changed then.
 bool RestrictedPowerDiagram::enter_large_facet(Index facet, Index s, Clipper& clipper) {
   const Index first = local_fragment_near(facet, site(s).position());
   if (first == kNone) return false;

@@ -20,8 +20,8 @@ namespace detail {
 namespace {
 
 /// The dual mod 2: of dual triangles, least corner first, one for each triple of sites that is there an odd number of times.
-/// Where all facets at every edge are an even number, so are then the triangles at every edge. Of three or more the majority says
-/// how the one is oriented. Sorted by corners, so that nothing depends on the history of the diagram.
+/// Where all facets at every edge are an even number, so are then the triangles at every edge. Of three or more the majority
+/// says how the one is oriented. Sorted by corners, so that nothing depends on the history of the diagram.
 Triangles odd_triples(const Triangles& triangles, Index num_sites, const Execution& execution) {
   struct Keyed {
     std::array<Index, 2> others;  ///< the corners but the least, ascending
@@ -184,8 +184,8 @@ void measure(const MeshView& mesh, const SamplingSurface& surface, const Samplin
   result.report.output = topology(result.mesh, execution.part(0.05, 0.3));
   result.report.quality = quality(result.mesh, execution.part(0.3, 0.45));
   if (surface.flood != nullptr) result.report.certificate = certify(mesh, surface, run, execution.part(0.45, 0.55));
-  result.report.maximality = measure_maximality(*run.diagram, rule, execution.part(0.55, 1),
-                                                run.disks->knows_surface() ? run.disks.get() : nullptr);
+  result.report.maximality =
+      measure_maximality(*run.diagram, rule, execution.part(0.55, 1), run.disks->knows_surface() ? run.disks.get() : nullptr);
 }
 
 /// The radius that is wanted, at first estimate: what curves are found by.
@@ -203,15 +203,16 @@ void set_curve_radii(const MeshView& mesh, const SamplingOptions& sampling, Curv
 }
 
 /// The surface that disks know, cut at the curves to be kept.
-SamplingSurface sampling_surface(const MeshView& mesh, CurveOptions curves, const SamplingOptions& sampling) {
+SamplingSurface sampling_surface(const MeshView& mesh, CurveOptions curves, const SamplingOptions& sampling,
+                                 const Execution& execution) {
   SamplingSurface result;
   if (sampling.neighborhood != Neighborhood::kSurface) return result;
-  SurfaceEdges edges(mesh);
+  SurfaceEdges edges(mesh, execution.part(0, 0.4, "finding curves"));
   set_curve_radii(mesh, sampling, curves);
-  curves.execution = sampling.execution.without_progress();
+  curves.execution = execution.part(0.4, 0.8);
   auto graph = std::make_shared<const CurveGraph>(find_curves(mesh, edges, curves));
   result.flood = std::make_shared<const SurfaceFlood>(
-      mesh, std::move(edges), graph->empty() ? std::vector<char>() : graph->is_curve_edge, curves.execution);
+      mesh, std::move(edges), graph->empty() ? std::vector<char>() : graph->is_curve_edge, execution.part(0.8, 1));
   if (!graph->empty()) result.curves = std::move(graph);
   return result;
 }
@@ -268,7 +269,10 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
 void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, const Execution& execution,
                        const RemeshParts& parts, RemeshResult& result) {
   if (options.optimize) result.report.optimization.status = Outcome::kCancelled;  // until it is done
-  const SamplingSurface surface_of_input = sampling_surface(mesh, options.curves, sampling);
+  constexpr double kSurfaceShare = 0.05;
+  const SamplingSurface surface_of_input =
+      sampling_surface(mesh, options.curves, sampling, sampling.execution.part(0, kSurfaceShare));
+  if (surface_of_input.flood != nullptr) sampling.execution = sampling.execution.part(kSurfaceShare, 1);
   if (options.optimize && sampling.target_count > 0) {
     // What optimisation will add, for each sample that it may move.
     const double target = sampling.target_count;
@@ -305,7 +309,8 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   result.mesh = {result.samples.positions, std::move(triangles)};
   report_curves(surface_of_input, run, result);
   result.report.seconds_remesh = watch.lap();
-  measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.extraction, 1, "measuring the result"), result);
+  measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.extraction, 1, "measuring the result"),
+          result);
   result.report.seconds_report = watch.lap();
   result.status = status;
 }

@@ -2,9 +2,12 @@
 // restricted power diagram — and the one-call pipeline.
 //
 // With a uniform radius r and a maximal set, every RRT triangle has its dual point on the surface within r of its three
-// corners, which are at least r apart: all angles lie in [30°, 120°] and all edges in [r, 2r], on any surface; and nothing opens
-// in the dual of a closed surface (restricted_triangulation()). Optimisation
-// (optimize.h), on by default, narrows the angles to [35°, 105°] or as far as asked for, and valences to 5, 6 and 7.
+// corners, which are at least r apart: all angles lie in [30°, 120°] and all edges in [r, 2r], on any surface; and nothing
+// opens in the dual of a closed surface (restricted_triangulation()). Optimisation (optimize.h), on by default, narrows the
+// angles to [35°, 105°] or as far as asked for, and valences to 5, 6 and 7.
+//
+// Where the shape asks for smaller disks, at corners narrower than 30°, between curves nearer than r, at folds tighter than r,
+// angles follow from the shape: the bounds are those of triangles whose corners have the full radius.
 //
 // By default disks know the surface they lie on, and curves of the input (curves.h) are kept: samples are placed on corners and
 // curves first, so close that the edge between neighbours is in the dual, and no disk reaches across a curve.
@@ -41,8 +44,8 @@ struct RemeshOptions {
 /// What was kept of the curves of the input.
 struct CurveReport {
   Index curves = 0, corners = 0, patches = 0;  ///< of the input
-  Index samples = 0;     ///< vertices on corners and curves: the first ones of the result
-  Index edges = 0;       ///< pairs of neighbours along curves
+  Index samples = 0;                           ///< vertices on corners and curves: the first ones of the result
+  Index edges = 0;                             ///< pairs of neighbours along curves
   Index edges_kept = 0;  ///< of these, edges of the result of as many triangles as the curve has facets; mostly all
   double length = 0;     ///< of all curves, absolute units
   double deviation = 0;  ///< the farthest that a curve is from the edges of its samples, absolute units
@@ -80,10 +83,10 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 
 /// The RRT of a given set: a triangle (i, j, k) for each triple of cells that meet an odd number of times inside facets; where
 /// they meet twice, as on both sides of a sharp crease or of a thin plate, the two triangles cancel. So where every edge of the
-/// input has evenly many facets (equal positions being one vertex, and facets that are there twice one facet), every edge of the
-/// result has evenly many triangles, for any set: the dual of a closed surface has no boundary. Oriented as the surface under it,
-/// then made consistent across manifold edges by majority per component, so inputs with flipped facets come out right wherever
-/// the output is orientable. Cancelled, it throws Error(kCancelled).
+/// input has evenly many facets (equal positions being one vertex, and facets that are there twice one facet), every edge of
+/// the result has evenly many triangles, for any set: the dual of a closed surface has no boundary. Oriented as the surface
+/// under it, then made consistent across manifold edges by majority per component, so inputs with flipped facets come out right
+/// wherever the output is orientable. Cancelled, it throws Error(kCancelled).
 Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
                               Neighborhood neighborhood = Neighborhood::kSpace);
 

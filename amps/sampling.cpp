@@ -127,7 +127,11 @@ struct SamplingTask {
   /// `box` holds all samples.
   SamplingTask(const MeshView& m, const SamplingOptions& o, const WantedRadii& r, const Box& box,
                std::shared_ptr<const SurfaceFlood> flood, std::uint64_t seed)
-      : mesh(m), options(o), radii(r), disks(std::make_shared<DiskSet>(box, r.min_of_set(), r.max_of_set(), std::move(flood))), rng(seed) {
+      : mesh(m),
+        options(o),
+        radii(r),
+        disks(std::make_shared<DiskSet>(box, r.min_of_set(), r.max_of_set(), std::move(flood))),
+        rng(seed) {
     if (r.constant()) report.radius = r.min();
     report.seed = seed;
   }
@@ -282,15 +286,15 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   const Box box = bounding_box(mesh);
   require_feasible_radii(radii.min(), radii.max(), density, box, options);
   std::shared_ptr<CurveSamples> curves;
+  std::shared_ptr<const CapField> caps;
   WantedRadii bounded = radii;
   const double curves_end = surface.curves == nullptr || surface.curves->empty() ? 0 : 0.05;
   if (curves_end > 0) {
     CurveSamplingOptions along;
     along.seed = seed;
     along.execution = execution.part(0, curves_end, "sampling curves");
-    const bool complete = completes([&] {
-      curves = std::make_shared<CurveSamples>(sample_curves(mesh, *surface.curves, *surface.flood, radii, along));
-    });
+    const bool complete = completes(
+        [&] { curves = std::make_shared<CurveSamples>(sample_curves(mesh, *surface.curves, *surface.flood, radii, along)); });
     if (!complete) {
       SamplingRun run;
       run.result.status = Outcome::kCancelled;
@@ -303,7 +307,8 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
       max = std::max(max, on_curve.sample.radius);
     }
     bounded = radii.beside(min, max);
-    if (!curves->caps.empty()) bounded = bounded.with_caps(std::make_shared<const CapField>(curves->caps));
+    if (!curves->caps.empty()) caps = std::shared_ptr<const CapField>(curves, &curves->caps);
+    bounded = bounded.with_caps(caps);
   }
   SamplingTask task(mesh, options, bounded, box, surface.flood, seed);
   if (curves != nullptr) {
@@ -323,7 +328,7 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   if (task.status == Outcome::kCancelled) diagram.reset();
   SamplingRun run = finish_run(task, std::move(diagram));
   run.curves = std::move(curves);
-  if (run.curves != nullptr && !run.curves->caps.empty()) run.caps = std::shared_ptr<const CapField>(run.curves, &run.curves->caps);
+  run.caps = std::move(caps);
   return run;
 }
 
@@ -347,8 +352,7 @@ double expected_samples(const MeshView& mesh, const SamplingOptions& options) {
 
 double sampling_cost(double samples, double facets, unsigned workers) { return SamplingCosts(samples, facets, workers).all(); }
 
-SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options,
-                                const SamplingSurface& surface) {
+SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options, const SamplingSurface& surface) {
   const Execution execution = options.execution.start();
   require_usable(mesh);
   require_sampling_options(options);
@@ -383,7 +387,8 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
         by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
     SamplingRun run;
-    const bool begun = completes([&] { run = run_once(mesh, options, radii, surface, seed, part_of_attempt(execution, attempt)); });
+    const bool begun =
+        completes([&] { run = run_once(mesh, options, radii, surface, seed, part_of_attempt(execution, attempt)); });
     if (begun && by_field) run.result.report.sizing_scale = scale;
     total.attempts = attempt;
     add_up(total, run.result.report);
@@ -413,10 +418,23 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
 }  // namespace detail
 
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
-  if (options.neighborhood == Neighborhood::kSurface) require_usable(mesh);
+  if (options.neighborhood != Neighborhood::kSurface) return std::move(detail::sample_with_diagram(mesh, options).result);
+  require_usable(mesh);
+  constexpr double kFloodsShare = 0.03;
+  const Execution execution = options.execution.start();
+  SamplingOptions inner = options;
   detail::SamplingSurface surface;
-  surface.flood = detail::flood_of(mesh, options.neighborhood);
-  return std::move(detail::sample_with_diagram(mesh, options, surface).result);
+  SamplingResult result;
+  result.status = Outcome::kCancelled;
+  if (!detail::completes([&] {
+        surface.flood = detail::flood_of(mesh, options.neighborhood, execution.part(0, kFloodsShare, "listing edges"));
+        inner.execution = execution.part(kFloodsShare, 1);
+      })) {
+    return result;
+  }
+  result = std::move(detail::sample_with_diagram(mesh, inner, surface).result);
+  if (result.status == Outcome::kDone) execution.finish();
+  return result;
 }
 
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options) {

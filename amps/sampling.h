@@ -118,8 +118,7 @@ struct SamplingRun {
   std::shared_ptr<const CapField> caps;        ///< bounds of wanted radii, beside curves; null: none
   std::unique_ptr<RestrictedPowerDiagram> diagram;
 };
-SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options,
-                                const SamplingSurface& surface = {});
+SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options, const SamplingSurface& surface = {});
 
 }  // namespace detail
 

@@ -251,8 +251,8 @@ bool VoxelGrid::visit_below(const Place& p, int level, const Slot& parent, const
   return false;
 }
 
-/// Calls visit(id) for samples of the voxel at squared distance < combine(weight, its own), until it returns true. Combined with
-/// the bounds of all weights of a level this decides about most samples without a look at theirs.
+/// Calls visit(id) for samples of the voxel at squared distance < combine(weight, its own), until it returns true. Combined
+/// with the bounds of all weights of a level this decides about most samples without a look at theirs.
 template <class Combine, class Visit>
 bool VoxelGrid::visit_conflicts_in(const Slot& slot, int level, const Vec3& x, double weight, const Combine& combine,
                                    const Visit& visit) const {
@@ -299,9 +299,8 @@ void VoxelGrid::visit_conflicts_by_min(const Vec3& x, double radius, const Visit
   const auto smaller = [](double a, double b) { return std::min(a, b); };
   bool stopped = false;
   for (int level = static_cast<int>(levels_.size()) - 1; level >= 0 && !stopped; --level) {
-    stopped = visit_around(p, level, [&](const Slot& slot, const Cell&) {
-      return visit_conflicts_in(slot, level, x, weight, smaller, visit);
-    });
+    stopped = visit_around(
+        p, level, [&](const Slot& slot, const Cell&) { return visit_conflicts_in(slot, level, x, weight, smaller, visit); });
   }
 }
 

@@ -89,8 +89,8 @@ int run_sample(const Arguments& arguments) {
   const amps::SamplingResult result = amps::sample(mesh, options);
   watch.check(result.status);
   const Stopwatch verify;
-  const amps::MaximalityReport certificate = amps::verify_maximal(
-      mesh, result.samples, watch.part(kSampled, kWorked), options.conflict_rule, options.neighborhood);
+  const amps::MaximalityReport certificate =
+      amps::verify_maximal(mesh, result.samples, watch.part(kSampled, kWorked), options.conflict_rule, options.neighborhood);
   const double seconds_verify = verify.seconds();
   const Stopwatch write;
   amps::write_samples(arguments.operand(1), result.samples, watch.part(kWorked, 1));
@@ -431,7 +431,8 @@ const std::vector<Command>& commands() {
        "and\n"
        "all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation). Optimisation narrows angles "
        "to\n"
-       "[35, 105], or [32, 114] where radii vary, and valences to 5, 6 and 7. Tighter bounds take longer: --angle-min 42 "
+       "[35, 105], or [32, 114] where radii vary, and valences to 5, 6 and 7. Corners of IN that are narrower keep their "
+       "angles. Tighter bounds take longer: --angle-min 42 "
        "--angle-max 90\n"
        "leaves no obtuse triangle, in six times the time.",
        {kRadius,

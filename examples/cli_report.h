@@ -73,8 +73,7 @@ inline void add_topology(Json& json, const char* key, const amps::TopologyReport
 
 inline void print_curves(const Table& table, const amps::CurveReport& report) {
   if (report.samples == 0) return;
-  table.row("curves, corners",
-            number(report.curves) + ", " + number(report.corners), number(report.samples) + " vertices");
+  table.row("curves, corners", number(report.curves) + ", " + number(report.corners), number(report.samples) + " vertices");
   table.row("edges along curves", "", number(report.edges_kept) + " of " + number(report.edges) + " kept");
   table.row("curves off by up to", "", format("%.3g", report.deviation));
 }

@@ -166,6 +166,18 @@ run 0 sample plate.obj thin.csv --radius 0.05 --neighborhood surface
 run 0 gaps plate.obj thin.csv --neighborhood surface
 bad "surface or space" sample torus.obj no.xyzr --radius 0.1 --neighborhood here
 
+echo "-- curves"
+run 0 remesh box.obj edges.obj --vertices 1500 --json edges.json
+[ "$(number edges edges.json)" -gt 100 ] || fail "a cube has no curves"
+lines=$(grep -c '^l ' edges.obj)
+[ "$lines" -gt 100 ] || fail "the edges of a cube are not in the file"
+grep -q '"holds": true' edges.json || fail "the topology of a cube is not proved"
+run 0 info edges.obj
+run 0 remesh box.obj round.obj --vertices 1500 --features none
+grep -q '^l ' round.obj && fail "--features none keeps curves"
+bad "keep or free" remesh box.obj no.obj --vertices 100 --borders some
+bad "does not go with" remesh box.obj no.obj --vertices 100 --features 30 --neighborhood space
+
 echo "-- the same seed, the same bytes"
 run 0 remesh torus.obj a.off --radius 0.1 --seed 5 --threads 1
 run 0 remesh torus.obj b.off --radius=0.1 --seed=5 --threads 2

@@ -141,7 +141,8 @@ TEST_CASE("curves: rims of a tube are closed loops, as borders and as creases") 
 }
 
 TEST_CASE("curves: three sheets at an edge, two fans at a vertex, marks and labels") {
-  const Mesh book = triangles_of({{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {-1, 0.5, 0}, {-1, -0.5, 0}}, {{0, 1, 2}, {0, 1, 3}, {0, 1, 4}});
+  const Mesh book =
+      triangles_of({{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {-1, 0.5, 0}, {-1, -0.5, 0}}, {{0, 1, 2}, {0, 1, 3}, {0, 1, 4}});
   const CurveGraph pages = find_curves(book);
   CHECK(pages.corners.size() == 5 - 3 + 3);  // both ends of the spine, and the sharp turns at the pages' outer corners
   CHECK(pages.num_patches == 3);

@@ -52,8 +52,8 @@ struct Floods {
   bool holds(const Sample& disk, const SurfacePoint& x) const {
     // Disks are closed for floods, and open for what lies at their rim.
     if (!((x.position - disk.position()).squaredNorm() < disk.radius * disk.radius)) return false;
-    return flood.holds({disk.position(), flood.homes(disk.at)}, disk.radius * disk.radius,
-                       {x.position, flood.homes(x)}, scratch);
+    return flood.holds({disk.position(), flood.homes(disk.at)}, disk.radius * disk.radius, {x.position, flood.homes(x)},
+                       scratch);
   }
 };
 
@@ -62,7 +62,8 @@ struct Floods {
 TEST_CASE("disks that know their surface: what they hold and exclude is what floods of all of them say") {
   std::uint64_t seed = 1;
   int lowered = 0, unlike_balls = 0;
-  for (const Mesh& mesh : {plate(3, 0.05), two_sheets(0.1), open_book(5), amps::make_torus(1, 0.2, 24, 8), random_soup(12, 5)}) {
+  for (const Mesh& mesh :
+       {plate(3, 0.05), two_sheets(0.1), open_book(5), amps::make_torus(1, 0.2, 24, 8), random_soup(12, 5)}) {
     for (const double ratio : {1.0, 3.0}) {
       Rng rng(seed++);
       const amps::Box box = amps::bounding_box(mesh);

@@ -23,7 +23,7 @@ using amps::detail::ReachLists;
 struct Model {
   Mesh mesh;
   Rng rng;
-  std::map<Index, WeightedPoint> sites;      ///< alive
+  std::map<Index, WeightedPoint> sites;        ///< alive
   std::map<Index, std::vector<Index>> facets;  ///< that they reach
 
   Vec3 random_place() {
@@ -40,7 +40,8 @@ struct Model {
     std::vector<Index> result;
     for (Index f = 0; f < rows(mesh.triangles); ++f) {
       const Vec3 a = corner_of(f, 0), b = corner_of(f, 1), c = corner_of(f, 2);
-      const bool meets = (a.cwiseMin(b).cwiseMin(c) - x).maxCoeff() <= radius && (x - a.cwiseMax(b).cwiseMax(c)).maxCoeff() <= radius;
+      const bool meets =
+          (a.cwiseMin(b).cwiseMin(c) - x).maxCoeff() <= radius && (x - a.cwiseMax(b).cwiseMax(c)).maxCoeff() <= radius;
       if (meets && rng.uniform() < share) result.push_back(f);
     }
     return result;
@@ -68,9 +69,11 @@ std::string broken_local_law(Model& model, const Diagram& diagram) {
       for (int k = 0; k < 40; ++k) {
         double a = model.rng.uniform(), b = model.rng.uniform();
         if (a + b > 1) a = 1 - a, b = 1 - b;
-        const Vec3 p = model.corner_of(facet, 0), x = p + a * (model.corner_of(facet, 1) - p) + b * (model.corner_of(facet, 2) - p);
+        const Vec3 p = model.corner_of(facet, 0),
+                   x = p + a * (model.corner_of(facet, 1) - p) + b * (model.corner_of(facet, 2) - p);
         double min_of_all = 1e300, min_of_reaching = 1e300;
-        for (const auto& [s, site] : model.sites) min_of_all = std::min(min_of_all, (site.position() - x).squaredNorm() - site.w);
+        for (const auto& [s, site] : model.sites)
+          min_of_all = std::min(min_of_all, (site.position() - x).squaredNorm() - site.w);
         for (std::size_t i = 0; i < names.size(); ++i) {
           const Vec3 q(xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]);
           min_of_reaching = std::min(min_of_reaching, (q - x).squaredNorm() - weights[i]);

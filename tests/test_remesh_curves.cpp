@@ -402,8 +402,7 @@ void check_proofs(const Input& input, const RemeshResult& result, int points, bo
 }
 
 bool same_result(const RemeshResult& a, const RemeshResult& b) {
-  return same_set(a.samples, b.samples) && a.curve_edges == b.curve_edges &&
-         rows(a.mesh.triangles) == rows(b.mesh.triangles) &&
+  return same_set(a.samples, b.samples) && a.curve_edges == b.curve_edges && rows(a.mesh.triangles) == rows(b.mesh.triangles) &&
          std::equal(a.mesh.triangles.data(), a.mesh.triangles.data() + a.mesh.triangles.size(), b.mesh.triangles.data());
 }
 

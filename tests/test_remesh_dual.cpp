@@ -101,9 +101,7 @@ Mesh tetrahedra(int count, std::uint64_t seed) {
 }
 
 /// Two sheets of a square in the same place, with other diagonals, and closed around.
-Mesh pillow() {
-  return mesh_of({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}});
-}
+Mesh pillow() { return mesh_of({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}}); }
 
 std::vector<NamedMesh> closed_surfaces() {
   return {{"tetrahedron", data_mesh_or("reports/34_tetrahedron.obj", tetrahedron())},

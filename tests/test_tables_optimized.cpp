@@ -32,8 +32,8 @@ struct Row {
   Index before = 0;
   amps::QualityReport quality;
 
-  /// `min_valence`: the least share of valences from 5 to 7, in percent; 100 unless tips thinner than the disks leave a vertex or
-  /// two with three or four neighbours, in which case optimisation stalls there.
+  /// `min_valence`: the least share of valences from 5 to 7, in percent; 100 unless tips thinner than the disks leave a vertex
+  /// or two with three or four neighbours, in which case optimisation stalls there.
   Row(const Mesh& mesh, SamplingOptions sampling, double min_angle, double max_angle, std::uint64_t seed,
       double min_valence = 100) {
     sampling.seed = seed;
