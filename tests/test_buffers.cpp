@@ -243,3 +243,21 @@ TEST_CASE("buffers: tables are values that Eigen sees and fills") {
   CHECK(mesh.triangles.rows() == 1);
   CHECK(points.row(1).transpose().norm() == doctest::Approx(std::sqrt(56.0)));
 }
+
+TEST_CASE("buffers: a table takes no index that does not fit, of any type") {
+  Eigen::Matrix<std::uint32_t, Eigen::Dynamic, 3> narrow(1, 3);
+  narrow << 0, 1, 4000000000u;
+  CHECK_THROWS_AS(Triangles{narrow}, amps::Error);
+  Eigen::Matrix<std::uint64_t, Eigen::Dynamic, 3> wide(1, 3);
+  wide << 0, 1, ~std::uint64_t{0};
+  CHECK_THROWS_AS(Triangles{wide}, amps::Error);
+  wide(0, 2) = 2;
+  CHECK(Triangles(wide)(0, 2) == 2);
+}
+
+TEST_CASE("buffers: a view of a negative number of rows is no mesh") {
+  const double x[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+  const std::int32_t corners[3] = {0, 1, 2};
+  CHECK_THROWS_AS(amps::require_usable(MeshView(amps::PointsView(x, -3), TrianglesView(corners, 1))), amps::Error);
+  CHECK_THROWS_AS(amps::require_usable(MeshView(amps::PointsView(x, 3), TrianglesView(corners, -1))), amps::Error);
+}

@@ -219,4 +219,16 @@ TEST_CASE("mesh_io: real files survive every format") {
   }
 }
 
+TEST_CASE("mesh_io: edges of a mesh are lines of OBJ, which reading passes over") {
+  const Mesh square = amps::make_square(1);
+  amps::MeshWriteOptions options;
+  options.edges = {{0, 1}, {3, 2}};
+  const std::string obj = amps::format_mesh(square, MeshFormat::kObj, options);
+  CHECK(obj.find("\nl 1 2\nl 4 3\n") != std::string::npos);
+  CHECK(amps::parse_mesh(obj, MeshFormat::kObj).triangles == square.triangles);
+  CHECK(amps::format_mesh(square, MeshFormat::kOff, options) == amps::format_mesh(square, MeshFormat::kOff));
+  options.edges = {{0, 4}};
+  CHECK_THROWS_AS(amps::format_mesh(square, MeshFormat::kObj, options), amps::Error);
+}
+
 }  // namespace amps_test
