@@ -238,6 +238,7 @@ class RestrictedPowerDiagram {
   void clip_locally(Index facet, Index owner, Clipper& clipper) const;
   void enter_local_facets(Index s);
   void enter_local_facet(Index facet, Index s, Clipper& clipper);
+  std::vector<Index> cut_local_fragments(Index facet, Index s, const std::vector<Index>& from, Clipper& clipper);
   bool enter_large_facet(Index facet, Index s, Clipper& clipper);
   Index local_fragment_near(Index facet, const Vec3& x) const;
   void leave_local_facets(Index s);
@@ -272,7 +273,6 @@ class RestrictedPowerDiagram {
   Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
   std::vector<Index> changed_, changed_sites_;
-  std::vector<Index> labels_of_old_;  ///< scratch of edits
   std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of edits
   std::uint32_t last_stamp_ = 0;
   double seconds_triangulation_ = 0;

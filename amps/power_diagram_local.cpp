@@ -247,33 +247,9 @@ Index RestrictedPowerDiagram::local_fragment_near(Index facet, const Vec3& x) co
 bool RestrictedPowerDiagram::enter_large_facet(Index facet, Index s, Clipper& clipper) {
   const Index first = local_fragment_near(facet, site(s).position());
   if (first == kNone) return false;
+  const std::vector<Index> cut = cut_local_fragments(facet, s, {fragments_[slot(first)].site}, clipper);
   std::vector<Plane> planes;
-  std::vector<Index> queue = {fragments_[slot(first)].site};
-  const std::uint32_t stamp = new_stamp();
-  stamp_[slot(s + kSentinels)] = stamp_[slot(queue.front() + kSentinels)] = stamp;
-  for (std::size_t k = 0; k < queue.size(); ++k) {
-    const Index f = fragment_of(facet, queue[k]);
-    const Polygon old = polygon(f);
-    for (Index n = 0; n < old.size; ++n) labels_of_old_.push_back(old.labels[n]);
-    clipper.load(old);
-    const bool cut = clipper.clip(s);
-    if (cut) {
-      planes.push_back(plane(s, queue[k]));
-      changed_.push_back(f);
-      changed_sites_.push_back(queue[k]);
-      if (clipper.empty()) {
-        free_fragment(f);
-      } else {
-        store_polygon(fragments_[slot(f)], clipper);
-      }
-      for (const Index label : labels_of_old_) {
-        if (!is_site(label) || stamp_[slot(label + kSentinels)] == stamp) continue;
-        stamp_[slot(label + kSentinels)] = stamp;
-        queue.push_back(label);
-      }
-    }
-    labels_of_old_.clear();
-  }
+  for (const Index other : cut) planes.push_back(plane(s, other));
   if (planes.empty()) return false;
   std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
   clipper.set_facet(facet);
@@ -298,29 +274,36 @@ void RestrictedPowerDiagram::enter_local_facet(Index facet, Index s, Clipper& cl
   }
   add_fragment(facet, s, clipper);
   // It takes from those beyond its edges, and from whom these border on and are cut from.
-  std::vector<Index> queue;
+  std::vector<Index> from = clipper.labels();
+  if (std::none_of(from.begin(), from.end(), is_site)) {  // it owns all of the facet
+    for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f)) from.push_back(fragments_[slot(f)].site);
+  }
+  cut_local_fragments(facet, s, from, clipper);
+}
+
+/// Takes the cell of s off the fragments of these sites (other labels are passed over), and off those that border on what is
+/// cut. Returns the sites that it has taken something from.
+std::vector<Index> RestrictedPowerDiagram::cut_local_fragments(Index facet, Index s, const std::vector<Index>& from,
+                                                               Clipper& clipper) {
+  std::vector<Index> queue, labels, cut;
   const std::uint32_t stamp = new_stamp();
   stamp_[slot(s + kSentinels)] = stamp;
-  const auto add_sites = [&](const Index* labels, std::size_t count) {
-    for (std::size_t k = 0; k < count; ++k) {
-      if (!is_site(labels[k]) || stamp_[slot(labels[k] + kSentinels)] == stamp) continue;
-      stamp_[slot(labels[k] + kSentinels)] = stamp;
-      queue.push_back(labels[k]);
+  const auto add_sites = [&](const std::vector<Index>& found) {
+    for (const Index label : found) {
+      if (!is_site(label) || stamp_[slot(label + kSentinels)] == stamp) continue;
+      stamp_[slot(label + kSentinels)] = stamp;
+      queue.push_back(label);
     }
   };
-  if (clipper.labels().size() == 3 && std::none_of(clipper.labels().begin(), clipper.labels().end(), is_site)) {
-    // It owns all of the facet.
-    for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f)) add_sites(&fragments_[slot(f)].site, 1);
-  } else {
-    add_sites(clipper.labels().data(), clipper.labels().size());
-  }
+  add_sites(from);
   for (std::size_t k = 0; k < queue.size(); ++k) {
     const Index f = fragment_of(facet, queue[k]);
     if (f == kNone) continue;
     const Polygon old = polygon(f);
-    const std::vector<Index> labels(old.labels, old.labels + old.size);
+    labels.assign(old.labels, old.labels + old.size);
     clipper.load(old);
     if (!clipper.clip(s)) continue;
+    cut.push_back(queue[k]);
     changed_.push_back(f);
     changed_sites_.push_back(queue[k]);
     if (clipper.empty()) {
@@ -328,8 +311,9 @@ void RestrictedPowerDiagram::enter_local_facet(Index facet, Index s, Clipper& cl
     } else {
       store_polygon(fragments_[slot(f)], clipper);
     }
-    add_sites(labels.data(), labels.size());
+    add_sites(labels);
   }
+  return cut;
 }
 
 /// After the removal of s, which the lists still have.
