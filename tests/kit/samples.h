@@ -145,7 +145,8 @@ inline SampleSet sorted_by_position(const SampleSet& set) {
 
 inline bool same_set(const SampleSet& a, const SampleSet& b) {
   return same_bits(a.positions, b.positions) && same_bits(a.barycentrics, b.barycentrics) && a.facets == b.facets &&
-         same_values(a.radii, b.radii);
+         same_values(a.radii, b.radii) && a.dimensions == b.dimensions && a.curves == b.curves &&
+         same_values(a.parameters, b.parameters);
 }
 
 inline amps::RestrictedPowerDiagram diagram_of(const Mesh& mesh, const SampleSet& set) {
