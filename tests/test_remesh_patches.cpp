@@ -249,6 +249,28 @@ TEST_CASE("remesh says where: on real parts") {
   }
 }
 
+TEST_SUITE("slow") {
+  TEST_CASE("remesh says where: on more real parts, wherever the topology is that of the input") {
+    Index made = 0, certified = 0;
+    for (const std::string name :
+         {"anchor.off", "bunny_36k_holes.obj", "cube_twist.obj", "fan3_nonmanifold_edge.obj", "fandisk.obj",
+          "fandisk_coarse.obj", "joined_tetrahedra.obj", "mech-holes-shark.off", "moebius.obj", "netgen_part1_ascii.stl",
+          "teapot.obj", "thingi_65004.stl", "three_peaks.off"}) {
+      CAPTURE(name);
+      const Mesh mesh = data_mesh_or(name, pipe(48));
+      const double radius = radius_for(mesh, 4000);
+      RemeshOptions options;
+      options.sampling = with_radius(radius);
+      const RemeshResult result = amps::remesh(mesh, options);
+      ++made;
+      if (!result.report.certificate.holds()) continue;
+      ++certified;
+      check_all(Input(mesh, radius), result);
+    }
+    CHECK(2 * certified > made);
+  }
+}
+
 TEST_CASE("remesh says where: patches follow labels, with all of their area") {
   constexpr Index kCells = 8, kLabels = 3;
   const Mesh mesh = amps::make_square(kCells);
