@@ -453,18 +453,18 @@ TEST_CASE("remesh keeps curves: that bulge into faces") {
 
 TEST_SUITE("slow") {
   TEST_CASE("remesh keeps curves: of real meshes") {
-    const std::vector<std::pair<std::string, Mesh>> models = {{"fandisk.obj", prism(regular(6), 1, Vec3::Zero())},
-                                                              {"hemisphere.off", hemisphere(5120)},
-                                                              {"cube_twist.obj", amps::make_cube(5)},
-                                                              {"fandisk_coarse.obj", channel(0.05)},
-                                                              {"hinge_ascii.stl", amps::make_cube(3)},
-                                                              {"thingi_65004.stl", wedge(40)},
-                                                              {"moebius.obj", moebius_strip(64, 6)},
-                                                              {"fan3_nonmanifold_edge.obj", open_book(3)},
-                                                              {"joined_tetrahedra.obj", open_book(4)}};
-    for (const auto& [name, stand_in] : models) {
-      CAPTURE(name);
-      check_real(data_mesh_or(name, stand_in), 4000, 1);
+    const std::vector<NamedMesh> models = {{"fandisk.obj", prism(regular(6), 1, Vec3::Zero())},
+                                           {"hemisphere.off", hemisphere(5120)},
+                                           {"cube_twist.obj", amps::make_cube(5)},
+                                           {"fandisk_coarse.obj", channel(0.05)},
+                                           {"hinge_ascii.stl", amps::make_cube(3)},
+                                           {"thingi_65004.stl", wedge(40)},
+                                           {"moebius.obj", moebius_strip(64, 6)},
+                                           {"fan3_nonmanifold_edge.obj", open_book(3)},
+                                           {"joined_tetrahedra.obj", open_book(4)}};
+    for (const NamedMesh& model : models) {
+      CAPTURE(model.name);
+      check_real(data_mesh_or(model.name, model.mesh), 4000, 1);
     }
   }
 

@@ -233,12 +233,12 @@ TEST_CASE("remesh says where: samples by corner, curve and facet, triangles by f
 }
 
 TEST_CASE("remesh says where: on real parts") {
-  const std::vector<std::pair<std::string, Mesh>> parts = {{"fandisk.obj", prism(regular(6), 1, Vec3::Zero())},
-                                                           {"hemisphere.off", hemisphere(5120)},
-                                                           {"hinge_ascii.stl", wedge(40)}};
-  for (const auto& [name, stand_in] : parts) {
-    CAPTURE(name);
-    const Mesh mesh = data_mesh_or(name, stand_in);
+  const std::vector<NamedMesh> parts = {{"fandisk.obj", prism(regular(6), 1, Vec3::Zero())},
+                                        {"hemisphere.off", hemisphere(5120)},
+                                        {"hinge_ascii.stl", wedge(40)}};
+  for (const NamedMesh& part : parts) {
+    CAPTURE(part.name);
+    const Mesh mesh = data_mesh_or(part.name, part.mesh);
     const double radius = radius_for(mesh, 3000);
     for (const bool optimize : {false, true}) {
       CAPTURE(optimize);
