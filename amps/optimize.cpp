@@ -98,6 +98,8 @@ struct OptimizeState {
                 const OptimizeOptions& given_options, double min_angle, double max_angle, const Execution& execution)
       : diagram(given),
         num_fixed(surface.num_fixed),
+        topology(surface.topology),
+        topology_samples(surface.samples),
         options(given_options),
         rating(options.angles, options.valences, min_angle, max_angle),
         reader(diagram, rating, num_fixed),
@@ -121,6 +123,8 @@ struct OptimizeState {
 
   const RestrictedPowerDiagram& diagram;
   const Index num_fixed;  ///< samples below stay where they are
+  const TopologyChecker* const topology;
+  const TopologySamples topology_samples;
   const OptimizeOptions& options;
   const DualRating rating;
   StarReader reader;
@@ -210,7 +214,7 @@ class Refiller {
     Index near = proposal.removed.front();
     for (const Sample& sample : proposal.added) near = edit.enter(sample, near);
     edit.take_out();
-    if (fill(edit) && energy_change(edit) < -kMinGain && !hides_a_sample(edit)) {
+    if (fill(edit) && energy_change(edit) < -kMinGain && !hides_a_sample(edit) && keeps_topology(edit)) {
       keep(edit);
     } else {
       copies_mislead_[slot(item.a)] = 1;
@@ -233,7 +237,7 @@ class Refiller {
       ++state_.report.edits;
       ++edits_in_place_;
       const bool good = fill(edit) && (energy_change(edit) < -kMinGain || accept == Accept::kAny);
-      if (good && !hides_a_sample(edit)) {
+      if (good && !hides_a_sample(edit) && keeps_topology(edit)) {
         keep(edit);
         return;
       }
@@ -341,6 +345,28 @@ class Refiller {
     return std::any_of(added.begin(), added.end(), is_hidden) || std::any_of(affected.begin(), affected.end(), is_hidden);
   }
 
+  /// Is the dual of the same topology after what energy_change() was last asked of? Where disks of triangles around samples
+  /// away from curves are replaced by such, their sum of 6 less the valence says so: six times the Euler characteristic. All
+  /// else the certificate decides.
+  bool keeps_topology(SampleEdit& edit) {
+    if (state_.topology == nullptr) return true;
+    const std::vector<Index>& affected = edit.affected();
+    bool all_disks = true;
+    int change = 0;
+    const auto add = [&](Index s, const DualStar& star, int sign) {
+      all_disks = all_disks && star.size > 0 && s >= state_.num_fixed;
+      change += sign * (6 - star.size);
+    };
+    for (const SampleChange::Removed& old : edit.removed()) add(old.id, state_.stars.star[slot(old.id)], -1);
+    for (std::size_t k = 0; k < affected.size(); ++k) {
+      const Index s = affected[k];
+      if (!edit.has_added(s)) add(s, state_.stars.star[slot(s)], -1);
+      add(s, new_stars_.star[k], 1);
+    }
+    if (all_disks) return change == 0;
+    return state_.topology->check(state_.diagram, state_.topology_samples, affected, topology_scratch_).holds();
+  }
+
   /// What energy_change() was last asked of.
   void keep(SampleEdit& edit) {
     ++state_.report.accepted;
@@ -368,6 +394,7 @@ class Refiller {
   EditSeries* series_ = nullptr;
   double energy_change_ = 0, energy_change_of_all_ = 0;
   DualStars new_stars_;  ///< of samples affected by the present edit
+  TopologyChecker::Scratch topology_scratch_;
 };
 
 /// How hard bounds are: degrees from those that every maximal set of one radius meets. The upper bounds that go with lower ones

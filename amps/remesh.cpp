@@ -331,12 +331,14 @@ SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, Samplin
     const double next = surface.preserve ? done + kShare * (1 - done) : 1;
     sampling.execution = execution.part(done, next);
     done = next;
+    surface.may_change = k < kMaxPromotions && !surface.curves->dropped.empty();
     SamplingRun run = sample_with_diagram(mesh, sampling, surface);
     if (run.changed_facets.empty() || run.result.status == Outcome::kCancelled) return run;
     const std::vector<std::array<Index, 2>> sharp = dropped_edges_at(surface, run.changed_facets);
-    if (sharp.empty() || k == kMaxPromotions) {
-      if (!run.gave_up) return run;
-      surface.preserve = false;
+    if (sharp.empty() || !surface.may_change) {
+      if (!run.gave_up && !surface.may_change) return run;
+      if (run.gave_up) surface.preserve = false;
+      k = kMaxPromotions;
       continue;
     }
     curves.edges.insert(curves.edges.end(), sharp.begin(), sharp.end());
@@ -405,6 +407,10 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     surface.caps = run.caps;
     surface.radius = result.report.sampling.radius;
     surface.num_fixed = result.report.sampling.curve_samples;
+    if (surface_of_input.preserve && run.changed_facets.empty()) {
+      surface.topology = surface_of_input.topology.get();
+      surface.samples = topology_samples(*run.disks, surface_of_input.curves.get(), run.curves.get());
+    }
     result.report.optimization = optimize_diagram(*run.diagram, result.samples, surface, optimization, ids);
     if (surface_of_input.flood != nullptr) name_places(run, result.samples);
     status = std::max(status, result.report.optimization.status);

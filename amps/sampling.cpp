@@ -33,8 +33,10 @@ constexpr double kTargetSamples = 1e5;
 /// four and more samples where it had one.
 constexpr Index kMaxGrowth = 8;
 constexpr Index kMaxAdded = 10'000;
-/// How far radii may grow beyond the first estimate to make room for samples on curves.
-constexpr double kMaxScaleAtCurves = 1.5;
+/// How far radii may grow beyond the first estimate to make room for samples that curves and topology ask for; and the least
+/// power of the radius with which the number of samples has to fall (2 on a surface without either), or growing ends.
+constexpr double kMaxScaleBesideFixed = 3;
+constexpr double kMinPowerBesideFixed = 0.5;
 /// Offset between the seeds of those runs: 2^64 over the golden ratio.
 constexpr std::uint64_t kSeedStride = 0x9e3779b97f4a7c15u;
 
@@ -580,12 +582,13 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   const double target = options.target_count;
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingReport total;
-  double first_scale = 0;
+  double first_scale = 0, first_count = 0;
+  bool helps = true;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
     const double scale = model->scale();
     if (attempt == 1) first_scale = scale;
     // Where curves need most of the samples, larger disks on faces help little: the set stays larger than asked for.
-    if (has_curves(surface) && scale > kMaxScaleAtCurves * first_scale) break;
+    if (surface.curves != nullptr && (scale > kMaxScaleBesideFixed * first_scale || !helps)) break;
     const WantedRadii radii =
         by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
@@ -601,10 +604,14 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
       best.diagram.reset();
       break;
     }
-    if (run.gave_up) {
+    if (run.gave_up || (surface.may_change && !run.changed_facets.empty())) {
       best = std::move(run);
       break;
     }
+    const double count = run.result.samples.size();
+    if (attempt == 1) first_count = count;
+    const double power = scale > first_scale ? std::log(first_count / count) / std::log(scale / first_scale) : 2;
+    helps = count <= target * (1 + kTargetTolerance) || power > kMinPowerBesideFixed;
     model->learn(run.result.samples.size());
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;

@@ -112,7 +112,8 @@ struct SamplingSurface {
   std::shared_ptr<const SurfaceFlood> flood;  ///< cut at the curves; null: balls
   std::shared_ptr<const CurveGraph> curves;   ///< null: disks are balls
   std::shared_ptr<const TopologyChecker> topology;  ///< null: nobody asks
-  bool preserve = false;                            ///< radii fall where the dual has not the topology of the surface
+  bool preserve = false;   ///< radii fall where the dual has not the topology of the surface
+  bool may_change = false;  ///< where that does not help, there will be other curves: the number of samples does not matter yet
 };
 
 /// sample(), and what it ended with (null if it was cancelled): the diagram and, where disks know their surface, these.

@@ -141,8 +141,15 @@ void RefinedSet::lower(const CapField& bounds, const WantedRadii& radii, Rng& rn
     const Sample& sample = disks_.sample(static_cast<Index>(s));
     if (bounds.at(sample.position(), sample.radius) < sample.radius) too_large.push_back(static_cast<Index>(s));
   }
-  if (too_large.size() == origin_.size() - free_.size()) too_large.pop_back();  // a diagram has at least one site
   GapFiller filler(diagram_, disks_, radii);
+  if (!too_large.empty() && too_large.size() == origin_.size() - free_.size()) {
+    // A diagram has at least one site: one of the new ones comes first.
+    const Index facet = disks_.sample(too_large.front()).at.facet;
+    Sample first{surface_point_at(diagram_.mesh(), facet, uniform_barycentric(rng)), 0};
+    first.radius = radii.at(first.at);
+    enter(first, too_large.front());
+    filler.look_at(diagram_.changed());
+  }
   for (const Index s : too_large) {
     execution.check();
     take_out(s, filler);
