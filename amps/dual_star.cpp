@@ -39,6 +39,7 @@ const std::vector<StarReader::Pair>& StarReader::read(Index s) {
     while (next < pairs_.size() && pairs_[next] == pairs_[k]) ++next;
     if ((next - k) % 2 == 1) pairs_[kept++] = pairs_[k];
   }
+  repeats_ = kept != pairs_.size();
   pairs_.resize(kept);
   return pairs_;
 }
@@ -84,6 +85,7 @@ void StarReader::walk(Index start, std::size_t vertices) {
 
 StarReader::Form StarReader::form(DualStar& star) {
   star.size = 0;
+  star.repeats = repeats_;
   if (pairs_.empty()) return Form::kOther;
   const Ends ends = count_neighbors();
   if (ends.crossing && ends.count == 0) return Form::kCrossing;

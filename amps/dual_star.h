@@ -69,6 +69,7 @@ struct DualStar {
   static constexpr int kMaxSize = 12;
   std::array<Index, kMaxSize> ring;  ///< cyclic
   std::int8_t size = 0;              ///< 0: not a disk, or too large
+  bool repeats = false;              ///< the cell meets two others more than once
 };
 
 /// A triangle, or a vertex (b = c = kNone), that is bad.
@@ -128,6 +129,7 @@ class StarReader {
   Index num_fixed_;
   bool rates_crossings_ = false;
   std::vector<Pair> pairs_;
+  bool repeats_ = false;
   std::vector<Index> ring_;
   int num_neighbors_ = 0;
 };

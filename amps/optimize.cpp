@@ -346,15 +346,15 @@ class Refiller {
   }
 
   /// Is the dual of the same topology after what energy_change() was last asked of? Where disks of triangles around samples
-  /// away from curves are replaced by such, their sum of 6 less the valence says so: six times the Euler characteristic. All
-  /// else the certificate decides.
+  /// away from curves, met once each, are replaced by such, their sum of 6 less the valence says so: six times the Euler
+  /// characteristic. All else the certificate decides, at five times the cost.
   bool keeps_topology(SampleEdit& edit) {
     if (state_.topology == nullptr) return true;
     const std::vector<Index>& affected = edit.affected();
     bool all_disks = true;
     int change = 0;
     const auto add = [&](Index s, const DualStar& star, int sign) {
-      all_disks = all_disks && star.size > 0 && s >= state_.num_fixed;
+      all_disks = all_disks && star.size > 0 && !star.repeats && s >= state_.num_fixed;
       change += sign * (6 - star.size);
     };
     for (const SampleChange::Removed& old : edit.removed()) add(old.id, state_.stars.star[slot(old.id)], -1);

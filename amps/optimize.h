@@ -113,8 +113,9 @@ struct OptimizeSurface {
   Index num_fixed = 0;  ///< so many samples, the first ones, lie on curves: they stay, may have any valence, and triangles
                         ///< of three of them any angles
   double radius = 0;    ///< wanted where there is no field; 0: the least radius of the set
-  const TopologyChecker* topology = nullptr;  ///< edits keep the dual homeomorphic to the surface, where it is; null: any will do
-  TopologySamples samples;                    ///< what it asks of samples, by their ids
+  const TopologyChecker* topology =
+      nullptr;              ///< edits keep the dual homeomorphic to the surface, where it is; null: any will do
+  TopologySamples samples;  ///< what it asks of samples, by their ids
 };
 
 /// optimize() on a diagram of exactly these samples. All are edited; a site that is removed leaves its id unused. `ids` (out):

@@ -81,11 +81,10 @@ struct RemeshReport {
 };
 
 struct RemeshResult {
-  Mesh mesh;                  ///< vertices are the samples, in order: row i of mesh.vertices is row i of samples.positions
-  SampleSet samples;          ///< facet and barycentric coordinates per output vertex
-  std::vector<Index> facets;  ///< by triangle: a facet of the input on which its three cells meet
-  std::vector<Index>
-      patches;  ///< by triangle: that facet's patch (CurveGraph::patch_of_facet); all 0 where disks are balls
+  Mesh mesh;                   ///< vertices are the samples, in order: row i of mesh.vertices is row i of samples.positions
+  SampleSet samples;           ///< facet and barycentric coordinates per output vertex
+  std::vector<Index> facets;   ///< by triangle: a facet of the input on which its three cells meet
+  std::vector<Index> patches;  ///< by triangle: that facet's patch (CurveGraph::patch_of_facet); all 0 where disks are balls
   /// Pairs of vertices along the curves that were kept, #E; curve by curve.
   std::vector<std::array<Index, 2>> curve_edges;
   RemeshReport report;

@@ -390,11 +390,7 @@ class TopologyRefiner {
  public:
   /// `run`: that of `first`.
   TopologyRefiner(const MeshView& mesh, const SamplingOptions& options, const SamplingRound& first, SamplingRun& run)
-      : mesh_(mesh),
-        options_(options),
-        first_(first),
-        run_(run),
-        rng_(first.seed + kSeedStride) {
+      : mesh_(mesh), options_(options), first_(first), run_(run), rng_(first.seed + kSeedStride) {
     take_run();
   }
 
@@ -463,8 +459,8 @@ class TopologyRefiner {
   void start_anew(const Execution& execution) {
     const SamplingReport before = run_.result.report;
     const std::vector<FaceSample> kept = set_->on_faces();
-    SamplingRun next = run_round(
-        mesh_, options_, {first_.radii, first_.surface, first_.box, first_.seed, caps_.caps(), &kept}, execution);
+    SamplingRun next =
+        run_round(mesh_, options_, {first_.radii, first_.surface, first_.box, first_.seed, caps_.caps(), &kept}, execution);
     add_up(next.result.report, before);
     next.result.report.darts = before.darts;
     next.result.report.refinements = before.refinements;
@@ -511,7 +507,7 @@ class TopologyRefiner {
   Rng rng_;
   TopologyChecker::Scratch scratch_;
   std::optional<RefinedSet> set_;  ///< of run_
-  bool edited_ = false;  ///< since run_ was made
+  bool edited_ = false;            ///< since run_ was made
 };
 
 /// One run: a round, and further ones with smaller radii where the topology is not that of the surface.
@@ -526,9 +522,8 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   SamplingRun run = run_round(mesh, options, round, execution.part(0, refining));
   if (!surface.preserve || run.result.status != Outcome::kDone) return run;
   Stopwatch watch;
-  const bool complete = completes([&] {
-    TopologyRefiner(mesh, options, round, run).refine(execution.part(refining, 1, "keeping the topology"));
-  });
+  const bool complete = completes(
+      [&] { TopologyRefiner(mesh, options, round, run).refine(execution.part(refining, 1, "keeping the topology")); });
   if (!complete) {
     run.result.status = Outcome::kCancelled;
     run.diagram.reset();

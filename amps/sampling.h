@@ -109,10 +109,10 @@ struct CurveSamples;
 
 /// The surface that disks know, and the curves that are kept on it. By default disks are balls.
 struct SamplingSurface {
-  std::shared_ptr<const SurfaceFlood> flood;  ///< cut at the curves; null: balls
-  std::shared_ptr<const CurveGraph> curves;   ///< null: disks are balls
+  std::shared_ptr<const SurfaceFlood> flood;        ///< cut at the curves; null: balls
+  std::shared_ptr<const CurveGraph> curves;         ///< null: disks are balls
   std::shared_ptr<const TopologyChecker> topology;  ///< null: nobody asks
-  bool preserve = false;   ///< radii fall where the dual has not the topology of the surface
+  bool preserve = false;                            ///< radii fall where the dual has not the topology of the surface
   bool may_change = false;  ///< where that does not help, there will be other curves: the number of samples does not matter yet
 };
 
