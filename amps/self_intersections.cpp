@@ -22,13 +22,29 @@ using detail::orient2d_filter;
 
 // Two facets
 
+/// The projection that shows most of a triangle, and how it turns there; turn 0 if it has no area.
+struct Projection {
+  int axis, turn;
+};
+Projection best_projection(const Vec3& a, const Vec3& b, const Vec3& c) {
+  const Vec3 u = b - a, v = c - a;
+  const double area[3] = {std::fabs(u[1] * v[2] - u[2] * v[1]), std::fabs(u[2] * v[0] - u[0] * v[2]),
+                          std::fabs(u[0] * v[1] - u[1] * v[0])};
+  int order[3] = {0, 1, 2};  // any order will do, as overflow and underflow may make it
+  if (area[order[1]] > area[order[0]]) std::swap(order[0], order[1]);
+  if (area[order[2]] > area[order[0]]) std::swap(order[0], order[2]);
+  for (const int axis : order) {
+    if (const int turn = orient2d(a.data(), b.data(), c.data(), axis)) return {axis, turn};
+  }
+  return {order[0], 0};
+}
+
 /// A facet that has an area, ready to be compared.
 struct ComparedFacet {
   std::array<Vec3, 3> corners;
   std::array<Index, 3> vertices;  ///< the first mesh vertex with the position of each
   Index facet;
-  int axis;  ///< the projection along it has an area …
-  int turn;  ///< … of this sign: orient2d() of the corners
+  Projection seen;
 
   const double* corner(int k) const { return corners[static_cast<std::size_t>(k)].data(); }
 };
@@ -71,23 +87,6 @@ struct ClosedBox {
   }
 };
 
-/// The projection that shows most of a triangle, and how it turns there; turn 0 if it has no area.
-struct Projection {
-  int axis, turn;
-};
-Projection best_projection(const Vec3& a, const Vec3& b, const Vec3& c) {
-  const Vec3 u = b - a, v = c - a;
-  const double area[3] = {std::fabs(u[1] * v[2] - u[2] * v[1]), std::fabs(u[2] * v[0] - u[0] * v[2]),
-                          std::fabs(u[0] * v[1] - u[1] * v[0])};
-  int order[3] = {0, 1, 2};  // any order will do, as overflow and underflow may make it
-  if (area[order[1]] > area[order[0]]) std::swap(order[0], order[1]);
-  if (area[order[2]] > area[order[0]]) std::swap(order[0], order[2]);
-  for (const int axis : order) {
-    if (const int turn = orient2d(a.data(), b.data(), c.data(), axis)) return {axis, turn};
-  }
-  return {order[0], 0};
-}
-
 int orientation_of(const double* a, const double* b, const double* c, const double* d) noexcept {
   const auto site = [](const double* x) { return WeightedPoint{x[0], x[1], x[2], 0}; };
   return orient3d(site(a), site(b), site(c), site(d));
@@ -114,10 +113,10 @@ bool parted_by_edge(const ComparedFacet& s, const int (&of_s)[3], const Compared
 bool meet_in_plane(const double* p, const double* q, const ComparedFacet& t) noexcept {
   for (int k = 0; k < 3; ++k) {
     const double *const a = t.corner(k), *const b = t.corner((k + 1) % 3);
-    if (orient2d(a, b, p, t.axis) == -t.turn && orient2d(a, b, q, t.axis) == -t.turn) return false;
+    if (orient2d(a, b, p, t.seen.axis) == -t.seen.turn && orient2d(a, b, q, t.seen.axis) == -t.seen.turn) return false;
   }
-  const int side = orient2d(p, q, t.corner(0), t.axis);
-  return side == 0 || orient2d(p, q, t.corner(1), t.axis) != side || orient2d(p, q, t.corner(2), t.axis) != side;
+  const int side = orient2d(p, q, t.corner(0), t.seen.axis);
+  return side == 0 || orient2d(p, q, t.corner(1), t.seen.axis) != side || orient2d(p, q, t.corner(2), t.seen.axis) != side;
 }
 
 /// The same anywhere; at_p and at_q: the sides of the plane of t, as orient3d() has them. Where the segment passes through the
@@ -161,7 +160,7 @@ bool folded_over(const ComparedFacet& s, const int (&of_s)[3], const ComparedFac
   const double *const a = s.corner(of_s[0]), *const b = s.corner(of_s[1]), *const c = s.corner(of_s[2]);
   const double* const d = t.corner(of_t[2]);
   if (orientation_of(a, b, c, d) != 0) return false;
-  return orient2d(a, b, c, s.axis) == orient2d(a, b, d, s.axis);
+  return orient2d(a, b, c, s.seen.axis) == orient2d(a, b, d, s.seen.axis);
 }
 
 /// Facets that share a corner v and have more in common have a point of the edge opposite to v, of one or the other, in common:
@@ -171,9 +170,9 @@ bool facets_intersect(const ComparedFacet& s, const ComparedFacet& t) noexcept {
   const CommonCorners common(s, t);
   const int count = common.count;
   AMPS_ASSERT(count < 3);  // a facet that is there already is not compared
-  if (parted_by_edge(s, common.of_first, t, common.of_second, count, s.axis)) return false;
+  if (parted_by_edge(s, common.of_first, t, common.of_second, count, s.seen.axis)) return false;
   if (count == 2) return folded_over(s, common.of_first, t, common.of_second);
-  if (parted_by_edge(t, common.of_second, s, common.of_first, count, s.axis)) return false;
+  if (parted_by_edge(t, common.of_second, s, common.of_first, count, s.seen.axis)) return false;
   const SidesOfPlane of_t(t, common.of_second, count, s);
   if (of_t.beyond(count)) return false;
   const SidesOfPlane of_s(s, common.of_first, count, t);
@@ -307,8 +306,13 @@ std::vector<ComparedFacet> compared_facets(const MeshView& mesh, SelfIntersectio
     counted[detail::slot(f)] = 0;
     ++report.repeated_facets;
   }
-  std::vector<ComparedFacet> facets;
-  facets.reserve(counted.size());
+  struct Kept {
+    Index facet;
+    Projection projection;
+  };
+  std::vector<Kept> kept;
+  kept.reserve(counted.size());
+  Points middles(mesh.num_facets());
   detail::for_each_index(mesh.num_facets(), run.part(0.4, 0.6), [&](Index f) {
     if (counted[detail::slot(f)] == 0) return;
     const Vec3 a = mesh.corner(f, 0), b = mesh.corner(f, 1), c = mesh.corner(f, 2);
@@ -317,21 +321,21 @@ std::vector<ComparedFacet> compared_facets(const MeshView& mesh, SelfIntersectio
       ++report.degenerate_facets;
       return;
     }
-    const auto vertex = [&](int k) { return vertices[detail::slot(mesh.triangles(f, k))]; };
-    facets.push_back({{a, b, c}, {vertex(0), vertex(1), vertex(2)}, f, projection.axis, projection.turn});
+    const Vec3 middle = a.cwiseMin(b).cwiseMin(c) / 2 + a.cwiseMax(b).cwiseMax(c) / 2;
+    for (int k = 0; k < 3; ++k) middles(static_cast<std::ptrdiff_t>(kept.size()), k) = middle[k];
+    kept.push_back({f, projection});
   });
-  Points middles(static_cast<std::ptrdiff_t>(facets.size()));
-  detail::for_each_index(facets.size(), run.part(0.6, 0.7), [&](std::size_t i) {
-    const auto& x = facets[i].corners;
-    middles.row(static_cast<std::ptrdiff_t>(i)) =
-        (x[0].cwiseMin(x[1]).cwiseMin(x[2]) / 2 + x[0].cwiseMax(x[1]).cwiseMax(x[2]) / 2).transpose();
+  middles.resize(static_cast<std::ptrdiff_t>(kept.size()));
+  std::vector<ComparedFacet> facets;
+  facets.reserve(kept.size());
+  const std::vector<Index> order = detail::curve_order(middles, run.part(0.6, 0.85));
+  detail::for_each_index(order.size(), run.part(0.85, 1), [&](std::size_t i) {
+    const Kept& of = kept[detail::slot(order[i])];
+    const auto corner = [&](int k) { return mesh.corner(of.facet, k); };
+    const auto vertex = [&](int k) { return vertices[detail::slot(mesh.triangles(of.facet, k))]; };
+    facets.push_back({{corner(0), corner(1), corner(2)}, {vertex(0), vertex(1), vertex(2)}, of.facet, of.projection});
   });
-  const std::vector<Index> order = detail::curve_order(middles, run.part(0.7, 0.9));
-  std::vector<ComparedFacet> ordered;
-  ordered.reserve(facets.size());
-  detail::for_each_index(order.size(), run.part(0.9, 1),
-                         [&](std::size_t i) { ordered.push_back(facets[detail::slot(order[i])]); });
-  return ordered;
+  return facets;
 }
 
 void require_comparable(const MeshView& mesh, const Execution& run) {
@@ -347,8 +351,8 @@ void require_comparable(const MeshView& mesh, const Execution& run) {
 
 /// Compares each two facets whose boxes meet.
 void compare_facets(const FacetBoxes& boxes, LeastPairs& found, const Execution& run) {
-  constexpr std::size_t kGroupsPerPiece = 64;          // some 0.2 ms
-  constexpr std::uint64_t kComparisonsPerLook = 4096;  // some ms where all are hard
+  constexpr std::size_t kGroupsPerPiece = 64;         // some 0.2 ms
+  constexpr std::uint64_t kComparisonsPerLook = 256;  // 50 ms where all have coordinates of 1e±300
   constexpr std::size_t kPairsPerAdding = 4096;
   detail::WorkCounter counter(run, boxes.num_groups());
   parallel_for(boxes.num_groups(), kGroupsPerPiece, run, [&](std::size_t begin, std::size_t end) {
