@@ -354,10 +354,6 @@ class SegmentFilter {
 /// The stages of segment_side_of_ball() after the filter, for those who have that themselves.
 int segment_side_of_ball_exact(const double* a, const double* b, const double* p, double w, Stage& stage) noexcept;
 
-}  // namespace detail
-
-namespace detail {
-
 /// The filter of orient2d(): its sign where that is certain, else 0.
 ///
 /// Both monomials pass through four roundings (two differences, a product, a difference), so the value is off by

@@ -9,7 +9,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <mutex>
 #include <ostream>
 #include <string>
@@ -30,7 +29,7 @@ Projection best_projection(const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 u = b - a, v = c - a;
   const double area[3] = {std::fabs(u[1] * v[2] - u[2] * v[1]), std::fabs(u[2] * v[0] - u[0] * v[2]),
                           std::fabs(u[0] * v[1] - u[1] * v[0])};
-  int order[3] = {0, 1, 2};  // any order will do, as overflow and underflow may make it
+  int order[3] = {0, 1, 2};  // the greatest first, for speed; where these overflow or underflow, any
   if (area[order[1]] > area[order[0]]) std::swap(order[0], order[1]);
   if (area[order[2]] > area[order[0]]) std::swap(order[0], order[2]);
   for (const int axis : order) {
@@ -163,10 +162,10 @@ bool folded_over(const ComparedFacet& s, const int (&of_s)[3], const ComparedFac
   return orient2d(a, b, c, s.seen.axis) == orient2d(a, b, d, s.seen.axis);
 }
 
-/// Facets that share a corner v and have more in common have a point of the edge opposite to v, of one or the other, in common:
-/// on the way from v through any common point, the first of the two edges that is met. Facets that share none and have an edge
-/// neither of which meets the other have nothing in common.
-bool facets_intersect(const ComparedFacet& s, const ComparedFacet& t) noexcept {
+/// Facets without a common corner have a point in common iff an edge of one of them meets the other. Facets with a common
+/// corner v have more than it in common iff the edge opposite to v does, of one or of the other: whichever comes first on the
+/// ray from v through another common point.
+bool facets_intersect(const ComparedFacet& s, const ComparedFacet& t) {
   const CommonCorners common(s, t);
   const int count = common.count;
   AMPS_ASSERT(count < 3);  // a facet that is there already is not compared
@@ -231,8 +230,6 @@ class LeastPairs {
 /// of these boxes, and so on.
 class FacetBoxes {
  public:
-  static constexpr std::size_t kArity = 4;
-
   FacetBoxes(std::vector<ComparedFacet> facets, const Execution& run) : facets_(std::move(facets)) {
     levels_.emplace_back();
     detail::resize_watched(levels_[0], facets_.size(), ClosedBox{}, run);
@@ -247,13 +244,13 @@ class FacetBoxes {
       std::vector<ClosedBox> level;
       level.reserve((below.size() + kArity - 1) / kArity);
       for (std::size_t i = 0; i < below.size(); ++i) {
+        if (i % detail::kElementsPerLook == 0) run.check();
         if (i % kArity == 0) {
           level.push_back(below[i]);
         } else {
           level.back().add(below[i]);
         }
       }
-      run.check();
       levels_.push_back(std::move(level));
     }
   }
@@ -261,14 +258,15 @@ class FacetBoxes {
   /// Groups of kArity facets in line.
   std::size_t num_groups() const { return levels_.size() > 1 ? levels_[1].size() : 0; }
 
-  /// visit(s, t) for each two facets whose boxes meet and of which the later one in line is not before this group, the earlier
-  /// one in it.
+  /// visit(s, t) for each two facets whose boxes meet and of which the first in line is in this group.
   template <class Visit>
   void pairs_of_group(std::size_t group, const Visit& visit) const {
     search(levels_.size() - 1, 0, group, visit);
   }
 
  private:
+  static constexpr std::size_t kArityBits = 2, kArity = std::size_t{1} << kArityBits;
+
   template <class Visit>
   void search(std::size_t level, std::size_t node, std::size_t group, const Visit& visit) const {
     const std::vector<ClosedBox>& boxes = levels_[--level];
@@ -286,12 +284,8 @@ class FacetBoxes {
     }
   }
 
-  /// Or one beyond the end.
-  static std::size_t last_group(std::size_t level, std::size_t node) {
-    constexpr std::size_t kArityBits = 2;
-    static_assert(kArity == std::size_t{1} << kArityBits, "one number");
-    return ((node + 1) << (kArityBits * (level - 1))) - 1;
-  }
+  /// The group of the last facet in a node; may be beyond the end.
+  static std::size_t last_group(std::size_t level, std::size_t node) { return ((node + 1) << (kArityBits * (level - 1))) - 1; }
 
   std::vector<ComparedFacet> facets_;
   std::vector<std::vector<ClosedBox>> levels_;  ///< of single facets first; the last one has one box

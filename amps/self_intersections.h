@@ -43,15 +43,16 @@ struct SelfIntersectionReport {
 };
 
 /// Pairs of facets that have a point in common which is neither a vertex nor on an edge of both. Facets are closed, so touching
-/// counts: a corner on another facet, edges that cross or lie on each other without being one edge. Vertices of equal position
-/// are one (−0 equals 0). That is, two facets
+/// counts: a corner on another facet or within its edge (T-junctions), edges that cross or lie on each other without being one
+/// edge. Vertices of equal position are one (−0 equals 0). That is, two facets
 ///   - without a common vertex intersect if they have any point in common;
 ///   - with one common vertex, if they meet in anything else than that;
 ///   - with two, a common edge, if they lie in one plane and on the same side of it.
 /// Orientation plays no part. Facets without area (exactly collinear corners, repeated indices) are left out, as they are no
 /// part of the surface, and so is a facet with the three corners of an earlier one, whatever its orientation: the first copy
-/// stands for all. Both are counted. CGAL's self_intersections() finds the same pairs, but for vertices of equal position,
-/// which it takes for different ones, and for facets without area, which it reports as pairs with themselves.
+/// stands for all. Both are counted. CGAL's self_intersections() finds the same pairs, but for what is left out here, of which
+/// it reports facets without area as pairs with themselves, and for vertices of equal position, which it takes for different
+/// ones.
 ///
 /// Throws Error(kInvalidMesh) for an index out of range or a corner that is NaN or infinite, Error(kInvalidArgument) for a
 /// negative max_pairs; kTooLarge, kCancelled. No facet at all is fine. O(n log n + boxes that overlap) for n facets, about
