@@ -78,6 +78,7 @@
 //   mesh_io_samples         (its .cpp only) sample files, lists of numbers
 //   quality.h        angles, edges, areas, valences
 //   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces
+//   self_intersections.h  facets that cross, touch or overlap
 //   remesh.h         the dual triangulation, and the whole pipeline in one call
 #pragma once
 
@@ -106,4 +107,5 @@
 #include "amps/quality.h"
 #include "amps/surface_tree.h"
 #include "amps/surface_distance.h"
+#include "amps/self_intersections.h"
 #include "amps/remesh.h"

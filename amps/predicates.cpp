@@ -302,30 +302,52 @@ int segment_side_of_ball(const double* a, const double* b, const double* p, doub
   return sign;
 }
 
-bool collinear(const double* a, const double* b, const double* c) noexcept {
-  Approx u[3], v[3];
-  for (int k = 0; k < 3; ++k) {
-    u[k] = Approx(b[k]) - Approx(a[k]);
-    v[k] = Approx(c[k]) - Approx(a[k]);
-  }
-  for (int k = 0; k < 3; ++k) {
-    const int m = (k + 1) % 3, n = (k + 2) % 3;
-    if ((u[m] * v[n] - u[n] * v[m]).certain_sign() != 0) return false;
+namespace detail {
+namespace {
+
+/// The stages of orient2d() after the filter.
+int orient2d_exact(const double* a, const double* b, const double* c, int axis, Stage& stage) noexcept {
+  const int m = (axis + 1) % 3, n = (axis + 2) % 3;
+  // On lines along axes both products are 0 because a factor is; a difference of doubles is 0 only if they are equal.
+  if ((a[m] == b[m] || a[n] == c[n]) && (a[n] == b[n] || a[m] == c[m])) {
+    stage = Stage::kExactDouble;
+    return 0;
   }
   ExactScale scale;
-  for (const double* p : {a, b, c}) detail::include_position(scale, p);
-  Stage stage;
-  return detail::with_exact_width(scale, stage, [&](auto width) {
+  for (const double* p : {a, b, c}) {
+    scale.coordinate(p[m]);
+    scale.coordinate(p[n]);
+  }
+  return with_exact_width(scale, stage, [&](auto width) {
     constexpr int N = decltype(width)::value;
-    const int unit = scale.unit();
-    const auto minor_sign = [&](int m, int n) {
-      const auto difference = [&](const double* p, int k) {
-        return detail::to_int<N>(p[k], unit) - detail::to_int<N>(a[k], unit);
-      };
-      return (difference(b, m) * difference(c, n) - difference(b, n) * difference(c, m)).sign();
+    const auto difference = [&](const double* p, int k) {
+      return to_int<N>(p[k], scale.unit()) - to_int<N>(a[k], scale.unit());
     };
-    return minor_sign(0, 1) == 0 && minor_sign(1, 2) == 0 && minor_sign(2, 0) == 0;
+    return (difference(b, m) * difference(c, n) - difference(b, n) * difference(c, m)).sign();
   });
+}
+
+}  // namespace
+}  // namespace detail
+
+int orient2d(const double* a, const double* b, const double* c, int axis, OptionalTally tally) noexcept {
+  if (const int sign = detail::orient2d_filter(a, b, c, axis)) {
+    detail::count_stage(tally, Stage::kFilter);
+    return sign;
+  }
+  Stage stage;
+  const int sign = detail::orient2d_exact(a, b, c, axis, stage);
+  detail::count_stage(tally, stage);
+  return sign;
+}
+
+bool collinear(const double* a, const double* b, const double* c) noexcept {
+  for (int axis = 0; axis < 3; ++axis) {
+    if (detail::orient2d_filter(a, b, c, axis) != 0) return false;
+  }
+  Stage stage;
+  return detail::orient2d_exact(a, b, c, 0, stage) == 0 && detail::orient2d_exact(a, b, c, 1, stage) == 0 &&
+         detail::orient2d_exact(a, b, c, 2, stage) == 0;
 }
 
 Bisector::Bisector(const WeightedPoint& i, const WeightedPoint& j, const double* const corners[3]) noexcept

@@ -354,7 +354,25 @@ class SegmentFilter {
 /// The stages of segment_side_of_ball() after the filter, for those who have that themselves.
 int segment_side_of_ball_exact(const double* a, const double* b, const double* p, double w, Stage& stage) noexcept;
 
+/// The filter of orient2d(): its sign where that is certain, else 0.
+///
+/// Both monomials pass through four roundings (two differences, a product, a difference), so the value is off by
+/// γ_4·Σ|monomials|; the constant leaves slack for the roundings of the sum and the bound. The last summand covers underflow of
+/// the products.
+inline int orient2d_filter(const double* a, const double* b, const double* c, int axis) noexcept {
+  const int m = axis == 2 ? 0 : axis + 1, n = axis == 0 ? 2 : axis - 1;
+  const double ux = b[m] - a[m], uy = b[n] - a[n], vx = c[m] - a[m], vy = c[n] - a[n];
+  const double first = ux * vy, second = uy * vx, value = first - second;
+  const double bound = (8 * kUnitRoundoff) * (std::fabs(first) + std::fabs(second)) + 4 * Approx::kTiny;
+  return (value > bound) - (-value > bound);
+}
+
 }  // namespace detail
+
+/// Sign of component `axis` (0, 1, 2) of (b − a) × (c − a): +1 if a, b, c turn counter-clockwise in the projection along that
+/// axis, as seen from its positive end, 0 if they are in one line there. Exact, as dropping a coordinate is. Laws: swapping two
+/// points negates it; the three points are collinear() iff it is 0 for all axes.
+int orient2d(const double* a, const double* b, const double* c, int axis, OptionalTally tally = nullptr) noexcept;
 
 /// True if the three points lie exactly on one line (or coincide).
 bool collinear(const double* a, const double* b, const double* c) noexcept;

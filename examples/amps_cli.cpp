@@ -275,10 +275,15 @@ int run_info(const Arguments& arguments) {
   const double looked = compare ? 0.1 : 1;  // distances take far longer than all the rest
   const amps::Execution reading = watch.part(0, 0.25 * looked);
   const amps::Mesh mesh = compare ? load(arguments.operand(0), reading) : amps::read_mesh(arguments.operand(0), reading);
-  const amps::MeshReport report = amps::check(mesh, watch.part(0.25 * looked, 0.7 * looked));
+  const amps::MeshReport report = amps::check(mesh, watch.part(0.25 * looked, 0.6 * looked));
   const amps::TopologyReport& shape = report.topology;
   const amps::QualityReport quality =
-      report.usable() ? amps::quality(mesh, watch.part(0.7 * looked, looked)) : amps::QualityReport();
+      report.usable() ? amps::quality(mesh, watch.part(0.6 * looked, 0.75 * looked)) : amps::QualityReport();
+  amps::SelfIntersectionOptions crossing;
+  crossing.max_pairs = 0;
+  crossing.execution = watch.part(0.75 * looked, looked);
+  const amps::SelfIntersectionReport intersections =
+      report.usable() ? amps::find_self_intersections(mesh, crossing) : amps::SelfIntersectionReport();
   amps::DistanceReport distance;
   if (compare) {
     const amps::Mesh reference = load(arguments.text("--reference"), watch.part(looked, looked + 0.05));
@@ -301,6 +306,7 @@ int run_info(const Arguments& arguments) {
       .add("duplicate_vertices", report.duplicate_vertices)
       .add("isolated_vertices", report.isolated_vertices);
   add_topology(json, "topology", shape);
+  if (report.usable()) json.add("self_intersections", static_cast<std::uint64_t>(intersections.num_pairs));
   if (report.usable()) add_quality(json, quality, 0);
   if (compare) add_distance(json, arguments.text("--reference"), distance);
   write_json(arguments, json);
@@ -331,7 +337,11 @@ int run_info(const Arguments& arguments) {
   trouble("repeated indices", report.repeated_index_facets);
   trouble("indices out of range", report.out_of_range_facets);
   trouble("non-finite vertices", report.non_finite_vertices);
-  if (report.usable()) print_quality(table, quality, 0);
+  if (report.usable()) {
+    table.row("self-intersections",
+              intersections.empty() ? "none" : std::to_string(intersections.num_pairs) + " pairs of triangles");
+    print_quality(table, quality, 0);
+  }
   if (compare) {
     table.row("reference", arguments.text("--reference"));
     print_distance(table, distance);

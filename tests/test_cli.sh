@@ -67,6 +67,14 @@ for extension in off ply stl; do
   run 0 info torus.$extension
 done
 
+for file in torus.stl knot.obj cube.obj; do
+  run 0 info $file --json info.json
+  { [ "$(number self_intersections info.json)" = 0 ] && grep -q '^self-intersections *none' log/out; } || fail "$file crosses itself"
+done
+printf 'OFF\n6 2 0\n0 0 0\n4 0 0\n0 4 0\n1 1 -1\n1 1 1\n5 5 0\n3 0 1 2\n3 3 4 5\n' >crossing.off
+run 0 info crossing.off --json info.json
+{ [ "$(number self_intersections info.json)" = 1 ] && grep -q '^self-intersections *1 pair' log/out; } || fail "self-intersections: $(cat log/out)"
+
 echo "-- distance to a reference"
 for z in 0 0.5; do
   printf 'OFF\n4 2 0\n0 0 %s\n3 0 %s\n3 4 %s\n0 4 %s\n3 0 1 2\n3 0 2 3\n' $z $z $z $z >flat_$z.off

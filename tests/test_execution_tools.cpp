@@ -11,6 +11,7 @@
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
 #include "amps/sampling.h"
+#include "amps/self_intersections.h"
 #include "amps/shapes.h"
 #include "amps/sizing.h"
 #include "amps/surface_distance.h"
@@ -86,6 +87,18 @@ std::vector<Call> calls() {
       {"check", [](const Execution& e) { return std::vector<double>{amps::check(mesh, e).area}; }},
       {"topology", [](const Execution& e) { return std::vector<double>{double(amps::topology(mesh, e).edges)}; }},
       {"quality", [](const Execution& e) { return std::vector<double>{amps::quality(mesh, e).mean_q}; }},
+      {"self-intersections",
+       [](const Execution& e) {
+         amps::SelfIntersectionOptions options;
+         options.execution = e;
+         static const Mesh crossing = joined(mesh, moved(mesh, {0.5, 0.1, 0.2}));
+         std::vector<double> result;
+         for (const auto& pair : amps::find_self_intersections(crossing, options).pairs) {
+           result.push_back(pair.a);
+           result.push_back(pair.b);
+         }
+         return result;
+       }},
       {"merging",
        [](const Execution& e) { return std::vector<double>{double(amps::merge_equal_vertices(mesh, e).vertices.rows())}; }},
       {"scaling", [](const Execution& e) { return field_numbers(uneven.scaled(3, e)); }},

@@ -480,6 +480,48 @@ TEST_CASE("predicates: side_of_ball is exact on, inside and outside the ball") {
   CHECK(amps::side_of_ball(o, o, 0) == 0);
 }
 
+TEST_CASE("predicates: orient2d is + for a counter-clockwise turn about its axis, and decides the last bit") {
+  const double o[3] = {0, 0, 0}, x[3] = {1, 0, 0}, y[3] = {0, 1, 0}, z[3] = {0, 0, 1};
+  const double* const axes[3] = {x, y, z};
+  for (int axis = 0; axis < 3; ++axis) {
+    const double *const first = axes[(axis + 1) % 3], *const second = axes[(axis + 2) % 3];
+    CHECK(amps::orient2d(o, first, second, axis) == 1);
+    CHECK(amps::orient2d(o, second, first, axis) == -1);
+    CHECK(amps::orient2d(o, first, axes[axis], axis) == 0);
+  }
+  Rng rng(11);
+  StageTally tally;
+  for (int n = 0; n < 3000; ++n) {
+    const int axis = static_cast<int>(rng.below(3)), m = (axis + 1) % 3;
+    // c = a + 3/2·(b − a), exactly; far from 0 or near it, at scales that a filter can tell nothing of too.
+    constexpr int kExponents[] = {0, 300, -300, -520, -1040};
+    double a[3], b[3], c[3];
+    for (int k = 0; k < 3; ++k) {
+      const double step = 2 * double(rng.below(1 << 20)) + 2;
+      a[k] = double(rng.below(1 << 20));
+      b[k] = a[k] + step;
+      c[k] = a[k] + 1.5 * step;
+    }
+    const int exponent = kExponents[rng.below(5)];
+    for (double* const p : {a, b, c}) {
+      for (int k = 0; k < 3; ++k) p[k] = std::ldexp(p[k], exponent);
+    }
+    CHECK(amps::orient2d(a, b, c, axis, &tally) == 0);
+    CHECK(amps::collinear(a, b, c));
+    c[m] = std::nextafter(c[m], INFINITY);
+    const int sign = amps::orient2d(a, b, c, axis, &tally);
+    CHECK(sign == -1);  // c is to the right of ab as seen along the axis, whose second coordinate grows from a to b
+    CHECK(amps::orient2d(b, a, c, axis) == 1);
+    CHECK(amps::orient2d(b, c, a, axis) == -1);
+    CHECK_FALSE(amps::collinear(a, b, c));
+  }
+  CHECK(tally[Stage::kExactNarrow] > 3000);
+  StageTally of_wide;
+  const double a[3] = {0x1p-1074, 0x1p-1074, 0}, b[3] = {0x1p1000, 0x1p1000, 0}, c[3] = {0x1p1023, 0x1p1023, 0};
+  CHECK(amps::orient2d(a, b, c, 2, &of_wide) == 0);
+  CHECK(of_wide[Stage::kExactWide] == 1);
+}
+
 TEST_CASE("predicates: collinear is exact") {
   Rng rng(10);
   for (int k = 0; k < 2000; ++k) {
