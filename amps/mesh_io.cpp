@@ -411,6 +411,11 @@ void require_write_options(const MeshView& mesh, const MeshWriteOptions& options
                                         ", but the mesh has " + std::to_string(mesh.num_vertices()) +
                                         "; give pairs of its vertices");
   }
+  for (const Index vertex : options.vertices) {
+    if (vertex >= 0 && vertex < mesh.num_vertices()) continue;
+    refuse(ErrorCode::kInvalidMesh, "a point at vertex " + std::to_string(vertex) + ", but the mesh has " +
+                                        std::to_string(mesh.num_vertices()) + "; give its vertices");
+  }
   if (options.labels.empty()) return;
   if (options.labels.size() != slot(mesh.num_facets())) {
     refuse(ErrorCode::kInvalidArgument, std::to_string(options.labels.size()) + " labels for " +
@@ -519,9 +524,10 @@ std::string format_ply(const MeshView& mesh, const MeshWriteOptions& options, co
 
 std::string format_obj(const MeshView& mesh, const MeshWriteOptions& options, const Execution& run) {
   const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
-  Ticker ticker(run, kVertexTextCost * num_vertices + num_facets + options.edges.size(), kRowsPerLook);
+  const std::size_t num_marks = options.edges.size() + options.vertices.size();
+  Ticker ticker(run, kVertexTextCost * num_vertices + num_facets + num_marks, kRowsPerLook);
   std::string out;
-  out.reserve(kVertexTextBytes * num_vertices + kFacetTextBytes * (num_facets + options.edges.size()));
+  out.reserve(kVertexTextBytes * num_vertices + kFacetTextBytes * (num_facets + num_marks));
   for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
     ticker.tick(kVertexTextCost);
     append_row(out, "v ", mesh.vertices[v]);
@@ -537,6 +543,11 @@ std::string format_obj(const MeshView& mesh, const MeshWriteOptions& options, co
   for (const std::array<Index, 2>& edge : options.edges) {
     ticker.tick();
     out += "l " + std::to_string(edge[0] + 1) + ' ' + std::to_string(edge[1] + 1) + '\n';
+  }
+  if (!options.vertices.empty()) out += "g points\n";
+  for (const Index vertex : options.vertices) {
+    ticker.tick();
+    out += "p " + std::to_string(vertex + 1) + '\n';
   }
   return out;
 }

@@ -67,6 +67,8 @@ struct MeshWriteOptions {
   /// Pairs of vertices that OBJ files hold as lines (`l`), such as RemeshResult::curve_edges; other formats leave them out.
   /// They are a group of their own, `edges`: some readers take a group with lines for lines only.
   std::vector<std::array<Index, 2>> edges;
+  /// Vertices that OBJ files hold as points (`p`), in a group `points`; other formats leave them out.
+  std::vector<Index> vertices;
   /// #F, or empty: a number for each facet, such as its patch. PLY files hold it as an int property of faces, OBJ files as
   /// groups, NAME_NUMBER: a group line wherever the number changes. Facets keep their order, so let those of one number follow
   /// each other: many readers make an object of each group line. Other formats leave it out.

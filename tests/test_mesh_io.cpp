@@ -235,7 +235,14 @@ TEST_CASE("mesh_io: edges of a mesh are lines of OBJ, which reading a mesh passe
   CHECK(amps::read_mesh_marks(folder.path / "square.obj").edges == options.edges);
   CHECK(error_text([&] { amps::read_mesh_marks(folder.path / "square.ply"); }).find("OBJ files only") != std::string::npos);
   CHECK(error_of([&] { amps::read_mesh_marks(folder.path / "none.obj"); }) == ErrorCode::kFileNotFound);
+  options.vertices = {2, 0};
+  const amps::MeshMarks both = amps::parse_mesh_marks(amps::format_mesh(square, MeshFormat::kObj, options), MeshFormat::kObj);
+  CHECK(both.edges == options.edges);
+  CHECK(both.vertices == options.vertices);
   options.edges = {{0, 4}};
+  CHECK_THROWS_AS(amps::format_mesh(square, MeshFormat::kObj, options), amps::Error);
+  options.edges.clear();
+  options.vertices = {-1};
   CHECK_THROWS_AS(amps::format_mesh(square, MeshFormat::kObj, options), amps::Error);
 }
 
