@@ -266,7 +266,7 @@ inline void draw_curve(const View& view, const std::array<amps::Index, 2>& curve
       t0 = std::clamp(std::min(near0, near1), 0.0, 1.0);
       t1 = std::clamp(std::max(near0, near1), 0.0, 1.0);
     }
-    const auto [low_x, high_x] = std::minmax(a.x() + t0 * d.x(), a.x() + t1 * d.x());
+    const auto [low_x, high_x] = std::minmax({a.x() + t0 * d.x(), a.x() + t1 * d.x()});
     const int x1 = to(high_x + reach, band.width - 1);
     for (int x = from(low_x - reach, 0); x <= x1; ++x) {
       const Eigen::Vector2d here(x + 0.5, y + 0.5);
