@@ -10,6 +10,7 @@
 #include "cli_arguments.h"
 #include "cli_curves.h"
 #include "cli_files.h"
+#include "cli_keep.h"
 #include "cli_output.h"
 #include "cli_report.h"
 #include "cli_sizing.h"
@@ -503,19 +504,16 @@ const std::vector<Command>& commands() {
       {"remesh",
        "IN OUT",
        "replace a mesh by one of well-shaped triangles",
-       "IN and OUT are meshes (.obj .off .ply .stl). With one radius R everywhere, all angles of OUT are in [30, 120] degrees "
-       "and\n"
-       "all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation). Optimisation narrows angles "
-       "to\n"
-       "[35, 105], or [32, 114] where radii vary, and valences to 5, 6 and 7. Corners of IN that are narrower keep their "
-       "angles. Tighter bounds take longer: --angle-min 42 "
-       "--angle-max 90\n"
-       "leaves no obtuse triangle, in six times the time.\n"
-       "Creases and borders are kept as curves; OBJ files hold them as lines, and patches between them as groups, PLY files as "
-       "a\n"
-       "property of faces. FILE of --keep may be IN itself, or has its vertices at the positions of those of IN. Exit code 4: "
-       "OUT\n"
-       "is written, but its topology is not that of IN, edges of curves are lost, or it has no triangle.",
+       "IN and OUT are meshes (.obj .off .ply .stl). With one radius R everywhere, all angles of OUT are in [30, 120] degrees\n"
+       "and all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation). Optimisation narrows\n"
+       "angles to [35, 105], or [32, 114] where radii vary, and valences to 5, 6 and 7. Corners of IN that are narrower keep\n"
+       "their angles. Tighter bounds take longer: --angle-min 42 --angle-max 90 leaves no obtuse triangle, in six times the "
+       "time.\n"
+       "Creases and borders are kept as curves. OBJ files hold them as lines, and the patches between them as groups; PLY "
+       "files\n"
+       "hold patches as a property of faces. The FILE of --keep is IN itself, or has vertices at the positions of those of "
+       "IN.\n"
+       "Exit code 4: OUT is written, but has another topology than IN, lacks edges of curves, or has no triangle.",
        {kRadius,
         {"--vertices", "N", "number of vertices wanted instead, met within 2 %"},
         kSizing,
@@ -540,11 +538,9 @@ const std::vector<Command>& commands() {
       {"curves",
        "IN [OUT]",
        "find the curves that remesh keeps",
-       "IN is a mesh (.obj .off .ply .stl). Curves are borders, edges of many facets, creases, and what is marked (--keep). "
-       "With\n"
-       "the radius wanted, creases too small for it are dropped, as in remesh with the same numbers. OUT is an .obj of the "
-       "curves\n"
-       "alone, as lines, and their corners, as points: look at it, change it, and give it to --keep.",
+       "IN is a mesh (.obj .off .ply .stl). Curves are borders, edges of many facets, creases, and what is marked (--keep).\n"
+       "Creases too small for the radius wanted are dropped, as in remesh with the same numbers. OUT is an .obj file of the\n"
+       "curves, as lines, and of their corners, as points: look at it, change it, and give it to --keep.",
        {kFeatures,
         kBorders,
         kKeep,
@@ -563,12 +559,10 @@ const std::vector<Command>& commands() {
       {"info",
        "IN",
        "say what a mesh is like, and what is wrong with it",
-       "IN is a mesh (.obj .off .ply .stl). With a reference, such as the mesh IN was made from, also: how far the surfaces "
-       "are\n"
-       "apart. No point of either is farther from the other than the Hausdorff distance; root mean square (RMS) and mean are\n"
-       "over each surface, and the greater of both directions is given. Curves are borders and creases of more than 40 "
-       "degrees,\n"
-       "of all sizes; 'amps curves' tells which of them a wanted radius keeps.",
+       "IN is a mesh (.obj .off .ply .stl). With a reference, such as the mesh IN was made from, also: how far the surfaces\n"
+       "are apart. No point of either is farther from the other than the Hausdorff distance; root mean square (RMS) and mean\n"
+       "are over each surface, and the greater of both directions is given. Curves are borders and creases of more than\n"
+       "40 degrees, of all sizes; 'amps curves' tells which of them a wanted radius keeps.",
        {{"--reference", "FILE", "tell the distance to this mesh, too"}, kThreads, kJson},
        run_info},
       {"make",

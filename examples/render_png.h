@@ -25,29 +25,31 @@ struct Image {
 };
 
 struct Options {
-  int size = 1024;                                      ///< width and height in pixels
-  bool smooth = false;                                  ///< normals interpolated over a triangle instead of one for all of it
-  bool edges = true;                                    ///< triangle edges drawn dark
-  double azimuth = 30;                                  ///< degrees the viewer walks around the up axis
-  double elevation = 18;                                ///< degrees the viewer looks down from
-  bool z_up = false;                                    ///< the model's up axis is z instead of y
-  std::vector<std::array<amps::Index, 2>> curves = {};  ///< pairs of vertices joined by thick lines, where they are seen
-  amps::Execution execution;                            ///< the picture does not depend on the threads
+  int size = 1024;            ///< width and height in pixels
+  bool smooth = false;        ///< normals interpolated over a triangle instead of one for all of it
+  bool edges = true;          ///< triangle edges drawn dark
+  double azimuth = 30;        ///< degrees the viewer walks around the up axis
+  double elevation = 18;      ///< degrees the viewer looks down from
+  bool z_up = false;          ///< the model's up axis is z instead of y
+  amps::Execution execution;  ///< the picture does not depend on the threads
+  /// Pairs of vertices, joined by thick lines where they are seen.
+  std::vector<std::array<amps::Index, 2>> curves = {};
 };
 
 namespace detail {
 
-constexpr int kSupersampling = 3;             // samples a pixel and axis
-constexpr int kBandRows = 32;                 // pixel rows rendered at a time: bounds memory, and is what threads share out
-constexpr int kFacetsPerLook = 1 << 14;       // drawn between two looks for a cancel: about a millisecond where they are small
-constexpr double kFieldOfView = 24;           // degrees, over the shorter side
-constexpr double kMargin = 0.92;              // part of the picture the model may fill
-constexpr double kEdgeHalfWidth = 0.55;       // pixels
-constexpr double kEdgeDarkness = 0.8;         // 1: black
+constexpr int kSupersampling = 3;        // samples a pixel and axis
+constexpr int kBandRows = 32;            // pixel rows rendered at a time: bounds memory, and is what threads share out
+constexpr int kFacetsPerLook = 1 << 14;  // drawn between two looks for a cancel: about a millisecond where they are small
+constexpr double kFieldOfView = 24;      // degrees, over the shorter side
+constexpr double kMargin = 0.92;         // part of the picture the model may fill
+constexpr double kEdgeHalfWidth = 0.55;  // pixels
+constexpr double kEdgeDarkness = 0.8;    // 1: black
+constexpr double kSliver = 1e-9;         // a sample this little outside counts as inside, so that shared edges have no pinholes
+
 constexpr double kCurveHalfWidth = 1.5e-3;    // part of the picture's width
 constexpr double kLeastCurveHalfWidth = 0.8;  // pixels
-constexpr double kCurveBehind = 1e-3;  // nearness lost, of itself, with which a curve still counts as on the surface before it
-constexpr double kSliver = 1e-9;       // a sample this little outside counts as inside, so that shared edges have no pinholes
+constexpr double kCurveBehind = 1e-3;         // a curve so little behind a surface, of its distance, counts as on it
 
 using Color = Eigen::Vector3f;  // linear light
 
@@ -234,8 +236,8 @@ inline void draw_triangle(const amps::MeshView& mesh, const View& view, bool smo
   }
 }
 
-/// Is a place of the screen, so near, on the surface that is drawn there? Samples around it are asked: on the surface beside a
-/// crease or at an outline, a sample may see another facet. A place outside the band is not seen.
+/// Is a place of a curve seen, or is a surface before it? All samples around it are asked: beside a crease or at an outline,
+/// one may lie on a facet that falls away steeply. A place outside the band is not seen.
 inline bool is_seen(const Band& band, const Eigen::Vector3d& at) {
   const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y())) - band.first;
   for (int v = std::max(0, y - 1); v <= std::min(band.rows - 1, y + 1); ++v) {
@@ -259,7 +261,7 @@ inline void draw_curve(const View& view, const std::array<amps::Index, 2>& curve
   const double length2 = d.head<2>().squaredNorm();
   const int y1 = to(std::max(a.y(), a.y() + d.y()) + reach, band.first + band.rows - 1);
   for (int y = from(std::min(a.y(), a.y() + d.y()) - reach, band.first); y <= y1; ++y) {
-    // Of a slanted segment, only the part near this row: parameters, then places, on it.
+    // Of a slanted segment, only the part near this row.
     double t0 = 0, t1 = 1;
     if (std::abs(d.y()) > reach) {
       const double near0 = (y + 0.5 - reach - a.y()) / d.y(), near1 = (y + 0.5 + reach - a.y()) / d.y();
@@ -310,7 +312,7 @@ inline Image draw(const amps::MeshView& mesh, const Options& options) {
   image.rgb.resize(static_cast<std::size_t>(options.size) * static_cast<std::size_t>(options.size) * 3);
 
   std::atomic<int> rows_drawn{0};
-  // Rows above and below a band, to see whether the middle of a line is hidden.
+  // Samples above and below a band: there, too, it must be known whether the middle of a line is hidden.
   const int margin = options.curves.empty() ? 0 : static_cast<int>(std::ceil(view.curve_half_width)) + 2;
   const auto draw_rows = [&](int first, int end) {
     const int first_sample = first * kSupersampling, num_samples = (end - first) * kSupersampling;

@@ -287,6 +287,18 @@ run 0 render edges.obj bare.png --size 200
 ! cmp -s plain.png found.png || fail "curves are not drawn"
 cmp lines.png found_too.png || fail "the curves of a result, and those found, are drawn differently"
 cmp none.png bare.png || fail "curves are drawn where there are none"
+# A line on a small triangle behind a large square: hidden from before, seen from behind.
+{
+  printf 'v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\nv -0.3 -0.3 0\nv 0.3 -0.3 0\nv 0 0.3 0\n'
+  printf 'f 1 2 3 4\nf 5 6 7\nl 5 6\n'
+} >behind.obj
+for azimuth in 0 180; do
+  run 0 render behind.obj without.png --size 200 --azimuth $azimuth --elevation 0
+  run 0 render behind.obj with.png --size 200 --azimuth $azimuth --elevation 0 --curves
+  code=0
+  cmp -s without.png with.png || code=1
+  [ $code = $((azimuth / 180)) ] || fail "a line behind a square, seen from azimuth $azimuth"
+done
 bad "say --curves" render box.obj no.png --features 30
 bad "say --curves" render box.obj no.png --radius 0.1
 if command -v python3 >log/which 2>&1; then
