@@ -406,7 +406,13 @@ class CurveFinder {
       // Not yet a corner for those that follow: they compare turns alone.
       if (sharpest) corner[slot(v)] = 1;
     }
-    for (const Index v : options_.vertices) corner[slot(first_[slot(v)])] = 1;
+    for (const Index v : options_.vertices) {
+      if (fans[slot(first_[slot(v)])] == 0) {
+        throw Error(ErrorCode::kInvalidArgument,
+                    "find_curves: vertex " + std::to_string(v) + " is marked as a corner, but is on no facet");
+      }
+      corner[slot(first_[slot(v)])] = 1;
+    }
     graph_.corner_of_vertex.assign(n, kNone);
     for (Index v = 0; v < edges_.num_vertices(); ++v) {
       if (!corner[slot(v)]) continue;

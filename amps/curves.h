@@ -67,8 +67,9 @@ struct CurveGraph {
 /// averaged within r on each side differ by more than 3/4 of it, in chains and components that are long enough against r;
 /// components of many short curves are none.
 /// Borders, edges of many sheets, borders of labels and marked edges always stay. Throws Error(kInvalidArgument) for options
-/// out of range, Error(kInvalidMesh) as require_usable() does, Error(kCancelled). O(#F) expected but for the averages: each
-/// looks at no more than 512 facets a side, so where these are far smaller than r it is over less than r.
+/// out of range, for a marked pair of vertices that no edge joins and a marked vertex on no facet; Error(kInvalidMesh) as
+/// require_usable() does, Error(kCancelled). O(#F) expected but for the averages: each looks at no more than 512 facets a side,
+/// so where these are far smaller than r it is over less than r.
 CurveGraph find_curves(const MeshView& mesh, const CurveOptions& options = {});
 
 namespace detail {

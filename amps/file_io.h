@@ -40,11 +40,13 @@ struct IoSource {
     throw Error(code, name + ": " + what);
   }
   [[noreturn]] void fail_line(const char* where, const std::string& what) const {
-    std::size_t line = 1;
-    for (const char* p = begin(); p < where; ++p) {
-      line += *p == '\n' || (*p == '\r' && (p + 1 == end() || p[1] != '\n')) ? 1 : 0;
-    }
-    fail("line " + std::to_string(line) + ": " + what);
+    fail("line " + std::to_string(1 + lines_between(begin(), where)) + ": " + what);
+  }
+  /// Ends of lines in [from, to).
+  std::size_t lines_between(const char* from, const char* to) const {
+    std::size_t lines = 0;
+    for (const char* p = from; p < to; ++p) lines += *p == '\n' || (*p == '\r' && (p + 1 == end() || p[1] != '\n')) ? 1 : 0;
+    return lines;
   }
   [[noreturn]] void fail_byte(const char* where, const std::string& what) const {
     fail("byte " + std::to_string(where - begin()) + ": " + what);

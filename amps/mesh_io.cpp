@@ -20,33 +20,51 @@ namespace {
 
 // OBJ
 
-// One face; corner texts are v, v/t, v//n or v/t/n, 1-based or, if negative, counted back from the last vertex so far.
-void read_obj_face(TextCursor& text, std::int64_t num_vertices, std::vector<Index>& corners) {
-  corners.clear();
+/// The vertices of a face, line or point up to the end of the text line; each is v, v/t, v//n or v/t/n, 1-based or, if
+/// negative, counted back from the last vertex so far. `element`: what it is, for errors.
+void read_obj_indices(TextCursor& text, std::int64_t num_vertices, const char* element, std::vector<Index>& indices) {
+  indices.clear();
   while (text.more_on_line()) {
-    const std::string_view corner = text.token();
-    const char* p = corner.data();
-    const char* const end = p + corner.size();
+    const std::string_view word = text.token();
+    const char* p = word.data();
+    const char* const end = p + word.size();
     std::int64_t index = 0;
     if (!parse_integer(p, end, index) || (p < end && *p != '/')) {
-      text.source.fail_line(corner.data(),
-                            "expected a vertex index, found \"" + TextCursor::shown(corner) + "\"; correct or remove the face");
+      text.source.fail_line(
+          word.data(), "expected a vertex index, found \"" + TextCursor::shown(word) + "\"; correct or remove the " + element);
     }
     const std::int64_t zero_based = index < 0 ? num_vertices + index : index - 1;
     if (zero_based < 0 || zero_based >= std::numeric_limits<Index>::max()) {
-      fail_index(text.source, corner.data(), index, num_vertices, 1);
+      fail_index(text.source, word.data(), index, num_vertices, 1, false, element);
     }
-    corners.push_back(static_cast<Index>(zero_based));
+    indices.push_back(static_cast<Index>(zero_based));
   }
 }
+
+/// The greatest index met and where it stands: elements may come before their vertices, so the range is checked at the end.
+struct ObjGreatest {
+  Index index = kNone;
+  const char* where = nullptr;
+
+  void meet(const std::vector<Index>& indices, const char* line) {
+    for (const Index i : indices) {
+      if (i <= index) continue;
+      index = i;
+      where = line;
+    }
+  }
+  void require_below(std::int64_t num_vertices, const IoSource& source, const char* element) const {
+    if (index >= num_vertices) fail_index(source, where, std::int64_t{index} + 1, num_vertices, 1, false, element);
+  }
+};
+
+constexpr const char* kNoObj = "no line \"v x y z\" in it; it is not an OBJ file";
 
 Mesh parse_obj(const IoSource& source) {
   MeshBuilder builder(source);
   TextCursor text(source);
   text.continuation = true;
-  // Faces may come before their vertices, so the range is checked at the end, for the greatest index met.
-  Index greatest = kNone;
-  const char* greatest_face = nullptr;
+  ObjGreatest greatest;
   std::vector<Index> corners;
   while (text.next_content()) {
     const char* const line = text.p;
@@ -56,21 +74,57 @@ Mesh parse_obj(const IoSource& source) {
       read_coordinates(text, line, xyz, "an OBJ file");  // a weight or colour behind them is skipped
       builder.add_vertex(xyz);
     } else if (keyword == "f") {
-      read_obj_face(text, builder.num_vertices(), corners);
-      for (const Index corner : corners) {
-        if (corner <= greatest) continue;
-        greatest = corner;
-        greatest_face = line;
-      }
+      read_obj_indices(text, builder.num_vertices(), "face", corners);
+      greatest.meet(corners, line);
       builder.add_polygon(corners);
     }
     text.skip_line();
   }
-  if (builder.num_vertices() == 0) source.fail("no line \"v x y z\" in it; it is not an OBJ file");
-  if (greatest >= builder.num_vertices()) {
-    fail_index(source, greatest_face, std::int64_t{greatest} + 1, builder.num_vertices(), 1);
-  }
+  if (builder.num_vertices() == 0) source.fail(kNoObj);
+  greatest.require_below(builder.num_vertices(), source, "face");
   return builder.finish();
+}
+
+MeshMarks parse_obj_marks(const IoSource& source) {
+  MeshMarks marks;
+  TextCursor text(source);
+  text.continuation = true;
+  ObjGreatest greatest_of_lines, greatest_of_points;
+  std::int64_t num_vertices = 0;
+  std::size_t line_number = 1;
+  const char* counted = source.begin();  // lines are counted up to here
+  std::vector<Index> indices;
+  while (text.next_content()) {
+    const char* const line = text.p;
+    const std::string_view keyword = text.token();
+    if (keyword == "v") {
+      ++num_vertices;
+    } else if (keyword == "l" || keyword == "p") {
+      line_number += source.lines_between(counted, line);
+      counted = line;
+      if (keyword == "l") {
+        read_obj_indices(text, num_vertices, "line", indices);
+        greatest_of_lines.meet(indices, line);
+        for (std::size_t k = 1; k < indices.size(); ++k) marks.edges.push_back({indices[k - 1], indices[k]});
+        marks.edge_lines.resize(marks.edges.size(), line_number);
+      } else {
+        read_obj_indices(text, num_vertices, "point", indices);
+        greatest_of_points.meet(indices, line);
+        marks.vertices.insert(marks.vertices.end(), indices.begin(), indices.end());
+        marks.vertex_lines.resize(marks.vertices.size(), line_number);
+      }
+    }
+    text.skip_line();
+  }
+  if (num_vertices == 0) source.fail(kNoObj);
+  greatest_of_lines.require_below(num_vertices, source, "line");
+  greatest_of_points.require_below(num_vertices, source, "point");
+  return marks;
+}
+
+void require_lines(MeshFormat format, const std::string& name) {
+  if (format == MeshFormat::kObj) return;
+  throw Error(ErrorCode::kFileFormat, name + ": no lines can be in it, they are in OBJ files only; save it as .obj");
 }
 
 // OFF
@@ -343,7 +397,34 @@ Mesh parse_stl(const IoSource& source) {
 constexpr std::uint64_t kVertexTextCost = 4;
 
 /// Room for a line of text: most fit. To copy what is written because it outgrows its room would take long.
-constexpr std::size_t kVertexTextBytes = 64, kFacetTextBytes = 28;
+constexpr std::size_t kVertexTextBytes = 64, kFacetTextBytes = 28, kLabelTextBytes = 6;
+
+/// Whatever the format: what is left out is looked at all the same.
+void require_write_options(const MeshView& mesh, const MeshWriteOptions& options) {
+  const auto refuse = [](ErrorCode code, const std::string& what) { throw Error(code, "writing: " + what); };
+  const auto named = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+  };
+  for (const std::array<Index, 2>& edge : options.edges) {
+    if (std::min(edge[0], edge[1]) >= 0 && std::max(edge[0], edge[1]) < mesh.num_vertices()) continue;
+    refuse(ErrorCode::kInvalidMesh, "an edge from vertex " + std::to_string(edge[0]) + " to " + std::to_string(edge[1]) +
+                                        ", but the mesh has " + std::to_string(mesh.num_vertices()) +
+                                        "; give pairs of its vertices");
+  }
+  for (const Index vertex : options.vertices) {
+    if (vertex >= 0 && vertex < mesh.num_vertices()) continue;
+    refuse(ErrorCode::kInvalidMesh, "a point at vertex " + std::to_string(vertex) + ", but the mesh has " +
+                                        std::to_string(mesh.num_vertices()) + "; give its vertices");
+  }
+  if (options.labels.empty()) return;
+  if (options.labels.size() != slot(mesh.num_facets())) {
+    refuse(ErrorCode::kInvalidArgument, std::to_string(options.labels.size()) + " labels for " +
+                                            std::to_string(mesh.num_facets()) + " facets; give one a facet, or none");
+  }
+  if (options.label_name.empty() || !std::all_of(options.label_name.begin(), options.label_name.end(), named)) {
+    refuse(ErrorCode::kInvalidArgument, "label_name must be of letters, digits and underscores");
+  }
+}
 
 void require_writable(const MeshView& mesh, MeshFormat format) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidMesh, "mesh: " + what); };
@@ -401,7 +482,8 @@ std::string format_stl(const MeshView& mesh, const Execution& run) {
   return out;
 }
 
-std::string format_ply(const MeshView& mesh, bool ascii, const Execution& run) {
+std::string format_ply(const MeshView& mesh, const MeshWriteOptions& options, const Execution& run) {
+  const bool ascii = options.ascii_ply, labelled = !options.labels.empty();
   const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
   const std::uint64_t vertex_cost = ascii ? kVertexTextCost : 1;
   Ticker ticker(run, vertex_cost * num_vertices + num_facets, kRowsPerLook);
@@ -409,8 +491,12 @@ std::string format_ply(const MeshView& mesh, bool ascii, const Execution& run) {
   out += ascii ? "ascii" : "binary_little_endian";
   out += " 1.0\nelement vertex " + std::to_string(mesh.vertices.rows());
   out += "\nproperty double x\nproperty double y\nproperty double z\nelement face " + std::to_string(mesh.triangles.rows());
-  out += "\nproperty list uchar int vertex_indices\nend_header\n";
-  out.reserve(out.size() + (ascii ? kVertexTextBytes : 24) * num_vertices + (ascii ? kFacetTextBytes : 13) * num_facets);
+  out += "\nproperty list uchar int vertex_indices\n";
+  if (labelled) out += "property int " + options.label_name + '\n';
+  out += "end_header\n";
+  const std::size_t facet_bytes = ascii ? kFacetTextBytes : 13, label_bytes = ascii ? kLabelTextBytes : 4;
+  out.reserve(out.size() + (ascii ? kVertexTextBytes : 24) * num_vertices +
+              (facet_bytes + (labelled ? label_bytes : 0)) * num_facets);
   for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
     ticker.tick(vertex_cost);
     if (ascii) {
@@ -423,10 +509,61 @@ std::string format_ply(const MeshView& mesh, bool ascii, const Execution& run) {
     ticker.tick();
     if (ascii) {
       append_row(out, "3 ", mesh.triangles[f], 0);
+      if (!labelled) continue;
+      out.back() = ' ';
+      append_number(out, std::int64_t{options.labels[static_cast<std::size_t>(f)]});
+      out += '\n';
     } else {
       out += '\3';
       for (int k = 0; k < 3; ++k) append_little_endian<std::uint32_t>(out, mesh.triangles(f, k));
+      if (labelled) append_little_endian<std::uint32_t>(out, options.labels[static_cast<std::size_t>(f)]);
     }
+  }
+  return out;
+}
+
+std::string format_obj(const MeshView& mesh, const MeshWriteOptions& options, const Execution& run) {
+  const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
+  const std::size_t num_marks = options.edges.size() + options.vertices.size();
+  Ticker ticker(run, kVertexTextCost * num_vertices + num_facets + num_marks, kRowsPerLook);
+  std::string out;
+  out.reserve(kVertexTextBytes * num_vertices + kFacetTextBytes * (num_facets + num_marks));
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
+    ticker.tick(kVertexTextCost);
+    append_row(out, "v ", mesh.vertices[v]);
+  }
+  for (std::size_t f = 0; f < num_facets; ++f) {
+    ticker.tick();
+    if (!options.labels.empty() && (f == 0 || options.labels[f] != options.labels[f - 1])) {
+      out += "g " + options.label_name + '_' + std::to_string(options.labels[f]) + '\n';
+    }
+    append_row(out, "f ", mesh.triangles[static_cast<std::ptrdiff_t>(f)], 1);
+  }
+  if (!options.edges.empty()) out += "g edges\n";
+  for (const std::array<Index, 2>& edge : options.edges) {
+    ticker.tick();
+    out += "l " + std::to_string(edge[0] + 1) + ' ' + std::to_string(edge[1] + 1) + '\n';
+  }
+  if (!options.vertices.empty()) out += "g points\n";
+  for (const Index vertex : options.vertices) {
+    ticker.tick();
+    out += "p " + std::to_string(vertex + 1) + '\n';
+  }
+  return out;
+}
+
+std::string format_off(const MeshView& mesh, const Execution& run) {
+  const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
+  Ticker ticker(run, kVertexTextCost * num_vertices + num_facets, kRowsPerLook);
+  std::string out = "OFF\n" + std::to_string(num_vertices) + ' ' + std::to_string(num_facets) + " 0\n";
+  out.reserve(out.size() + kVertexTextBytes * num_vertices + kFacetTextBytes * num_facets);
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
+    ticker.tick(kVertexTextCost);
+    append_row(out, "", mesh.vertices[v]);
+  }
+  for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
+    ticker.tick();
+    append_row(out, "3 ", mesh.triangles[f], 0);
   }
   return out;
 }
@@ -475,41 +612,37 @@ Mesh read_mesh(const std::filesystem::path& path, const Execution& execution) {
   return mesh;
 }
 
+MeshMarks parse_mesh_marks(std::string_view data, MeshFormat format, const std::string& name, const Execution& execution) {
+  detail::require_lines(format, name);
+  const Execution run = execution.start("reading");
+  MeshMarks marks = detail::parse_obj_marks({data, name, run});
+  run.finish();
+  return marks;
+}
+
+MeshMarks read_mesh_marks(const std::filesystem::path& path, const Execution& execution) {
+  const MeshFormat format = mesh_format(path);
+  detail::require_lines(format, path.string());
+  const Execution run = execution.start("reading");
+  const std::string data = detail::read_whole_file(path, run.part(0, detail::kShareOfDisk));
+  MeshMarks marks = parse_mesh_marks(data, format, path.string(), run.part(detail::kShareOfDisk, 1));
+  run.finish();
+  return marks;
+}
+
 std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options, const Execution& execution) {
   detail::require_writable(mesh, format);
+  detail::require_write_options(mesh, options);
   const Execution run = execution.start("writing");
-  if (format == MeshFormat::kPly || format == MeshFormat::kStl) {
-    std::string data =
-        format == MeshFormat::kPly ? detail::format_ply(mesh, options.ascii_ply, run) : detail::format_stl(mesh, run);
-    run.finish();
-    return data;
-  }
-  const std::size_t num_vertices = detail::slot(mesh.num_vertices()), num_facets = detail::slot(mesh.num_facets());
-  detail::Ticker ticker(run, detail::kVertexTextCost * num_vertices + num_facets, detail::kRowsPerLook);
-  const bool obj = format == MeshFormat::kObj;
-  std::string out;
-  out.reserve(detail::kVertexTextBytes * num_vertices + detail::kFacetTextBytes * num_facets);
-  if (!obj) out += "OFF\n" + std::to_string(mesh.vertices.rows()) + ' ' + std::to_string(mesh.triangles.rows()) + " 0\n";
-  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
-    ticker.tick(detail::kVertexTextCost);
-    detail::append_row(out, obj ? "v " : "", mesh.vertices[v]);
-  }
-  for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
-    ticker.tick();
-    detail::append_row(out, obj ? "f " : "3 ", mesh.triangles[f], obj ? 1 : 0);
-  }
-  if (obj) {
-    for (const std::array<Index, 2>& edge : options.edges) {
-      if (std::min(edge[0], edge[1]) < 0 || std::max(edge[0], edge[1]) >= mesh.num_vertices()) {
-        throw Error(ErrorCode::kInvalidMesh, "writing: an edge from vertex " + std::to_string(edge[0]) + " to " +
-                                                 std::to_string(edge[1]) + ", but the mesh has " +
-                                                 std::to_string(mesh.num_vertices()) + "; give pairs of its vertices");
-      }
-      out += "l " + std::to_string(edge[0] + 1) + ' ' + std::to_string(edge[1] + 1) + '\n';
-    }
-  }
+  const auto formatted = [&] {
+    if (format == MeshFormat::kObj) return detail::format_obj(mesh, options, run);
+    if (format == MeshFormat::kOff) return detail::format_off(mesh, run);
+    if (format == MeshFormat::kPly) return detail::format_ply(mesh, options, run);
+    return detail::format_stl(mesh, run);
+  };
+  std::string data = formatted();
   run.finish();
-  return out;
+  return data;
 }
 
 void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options,

@@ -12,10 +12,12 @@
 #include "amps/samples.h"
 
 #include <array>
+#include <cstddef>
 #include <filesystem>
 #include <iosfwd>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace amps {
 
@@ -42,11 +44,37 @@ Mesh read_mesh(const std::filesystem::path& path, const Execution& execution = {
 Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name = "stream", const Execution& execution = {});
 Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name = "memory", const Execution& execution = {});
 
+/// What an OBJ file marks besides its facets, such as curves to be kept (CurveOptions::edges, vertices). Vertices have the
+/// numbers that read_mesh() gives them.
+struct MeshMarks {
+  std::vector<std::array<Index, 2>> edges;  ///< neighbours along the lines (`l`), in the order of the file
+  std::vector<Index> vertices;              ///< the points (`p`), in the order of the file
+  std::vector<std::size_t> edge_lines;      ///< by edge: the line of the file it is on, from 1; for errors
+  std::vector<std::size_t> vertex_lines;    ///< by vertex, likewise
+  bool empty() const { return edges.empty() && vertices.empty(); }
+};
+
+/// Reads the lines and points of an OBJ file; all else in it is skipped unread, but for the number of vertices. Lines of fewer
+/// than two vertices hold no edge. Throws as read_mesh; kFileFormat for other formats, which have no lines, and for an index
+/// that is none of a vertex. Lines and points may come before their vertices. O(file size). Thread-safe.
+MeshMarks read_mesh_marks(const std::filesystem::path& path, const Execution& execution = {});
+MeshMarks parse_mesh_marks(std::string_view data, MeshFormat format, const std::string& name = "memory",
+                           const Execution& execution = {});
+
 struct MeshWriteOptions {
   /// PLY as text instead of binary_little_endian. Both hold doubles exactly.
   bool ascii_ply = false;
   /// Pairs of vertices that OBJ files hold as lines (`l`), such as RemeshResult::curve_edges; other formats leave them out.
+  /// They are a group of their own, `edges`: some readers take a group with lines for lines only.
   std::vector<std::array<Index, 2>> edges;
+  /// Vertices that OBJ files hold as points (`p`), in a group `points`; other formats leave them out.
+  std::vector<Index> vertices;
+  /// #F, or empty: a number for each facet, such as its patch. PLY files hold it as an int property of faces, OBJ files as
+  /// groups, NAME_NUMBER: a group line wherever the number changes. Facets keep their order, so let those of one number follow
+  /// each other: many readers make an object of each group line. Other formats leave it out.
+  std::vector<Index> labels;
+  /// Their name: letters, digits and underscores.
+  std::string label_name = "patch";
 };
 
 /// Writes a mesh in the format of the extension. Reading it back gives the same bits from OBJ, OFF and PLY: numbers in text are
@@ -56,7 +84,8 @@ struct MeshWriteOptions {
 /// The file is written under a temporary name in the same directory and renamed when complete, so a failure leaves what was
 /// there before, and no temporary. An existing file keeps its permissions; a link is followed; a device or pipe is written in
 /// place. Throws Error: kFileNotFound (no directory, no permission, disk full), kFileFormat (unknown extension), kInvalidMesh
-/// (coordinates that are not finite, or not in single precision for STL; indices out of range). O(#V + #F).
+/// (coordinates that are not finite, or not in single precision for STL; indices out of range), kInvalidArgument (labels that
+/// are not one a facet; a name of them that is no name). O(#V + #F).
 void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options = {},
                 const Execution& execution = {});
 

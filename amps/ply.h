@@ -68,12 +68,12 @@ inline void read_coordinates(TextCursor& text, const char* line, double* xyz, co
 }
 
 [[noreturn]] inline void fail_index(const IoSource& source, const char* where, std::int64_t index, std::int64_t count, int base,
-                                    bool binary = false) {
+                                    bool binary = false, const char* element = "face") {
   const std::string range = count == 0
                                 ? "there is no vertex"
                                 : "vertices are numbered " + std::to_string(base) + " to " + std::to_string(count - 1 + base);
   const std::string what =
-      "vertex index " + std::to_string(index) + " is out of range, " + range + "; correct or remove the face";
+      "vertex index " + std::to_string(index) + " is out of range, " + range + "; correct or remove the " + element;
   if (binary) source.fail_byte(where, what);
   source.fail_line(where, what);
 }

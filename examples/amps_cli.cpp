@@ -3,12 +3,14 @@
 //   amps remesh bunny.obj out.obj --vertices 12000
 //
 // Read from the bottom: main() finds the command, parses its options and runs it. A command reads, works, writes and prints a
-// table, in that order. Exit codes: 0 done, 2 bad input or usage (one line on stderr says what to do), 3 `gaps` found some, 130
-// interrupted.
+// table, in that order. Exit codes: 0 done, 2 bad input or usage (one line on stderr says what to do), 3 `gaps` found some, 4
+// `remesh` has lost something of the shape (all files are written, one line on stderr says what is lost), 130 interrupted.
 
 #include "amps/amps.h"
 #include "cli_arguments.h"
+#include "cli_curves.h"
 #include "cli_files.h"
+#include "cli_keep.h"
 #include "cli_output.h"
 #include "cli_report.h"
 #include "cli_sizing.h"
@@ -22,6 +24,8 @@
 #include <exception>
 #include <limits>
 #include <new>
+#include <numeric>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -31,10 +35,11 @@ namespace {
 constexpr int kExitDone = 0;
 constexpr int kExitTrouble = 2;
 constexpr int kExitGaps = 3;
+constexpr int kExitShape = 4;
 constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as a shell reports it
 
 /// Where the parts of a command end, of its time: rough, since it depends on input and options.
-constexpr double kRead = 0.03, kSized = 0.25, kSampled = 0.85, kWorked = 0.96;
+constexpr double kRead = 0.03, kMarked = 0.04, kSized = 0.25, kSampled = 0.85, kWorked = 0.96;
 
 /// --neighborhood
 amps::Neighborhood neighborhood_of(const Arguments& arguments, amps::Neighborhood standard) {
@@ -43,23 +48,6 @@ amps::Neighborhood neighborhood_of(const Arguments& arguments, amps::Neighborhoo
   if (name == "surface") return amps::Neighborhood::kSurface;
   if (name == "space") return amps::Neighborhood::kSpace;
   throw arguments.error("--neighborhood " + name + ": name surface or space");
-}
-
-/// --features and --borders
-amps::CurveOptions curve_options(const Arguments& arguments) {
-  amps::CurveOptions options;
-  const std::string features = arguments.text("--features", "40");
-  options.creases = features != "none";
-  if (options.creases && arguments.has("--features")) options.crease_angle = arguments.real("--features", 40, 1, 179);
-  const std::string borders = arguments.text("--borders", "keep");
-  if (borders != "keep" && borders != "free") throw arguments.error("--borders " + borders + ": name keep or free");
-  options.borders = borders == "keep";
-  for (const char* name : {"--features", "--borders"}) {
-    if (arguments.has(name) && arguments.text("--neighborhood", "surface") == "space") {
-      throw arguments.error(std::string(name) + " does not go with --neighborhood space: balls keep no curves");
-    }
-  }
-  return options;
 }
 
 amps::SamplingOptions sampling_options(const Arguments& arguments, amps::Neighborhood neighborhood) {
@@ -143,6 +131,33 @@ void set_optimization(const Arguments& arguments, amps::RemeshOptions& options) 
       arguments.whole("--iterations", static_cast<std::uint64_t>(options.optimization.max_iterations), 0, most));
 }
 
+/// Errors are one line each, whatever a file name holds.
+int complain(std::string message, int code = kExitTrouble) {
+  if (message.compare(0, 4, "amps") != 0) message = "amps: " + message;
+  std::replace_if(
+      message.begin(), message.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  std::fprintf(stderr, "%s\n", message.c_str());
+  return code;
+}
+
+/// Writes the result with its curves as lines and its patches as labels: triangles patch by patch, since readers of OBJ files
+/// make an object of each group they meet.
+void write_result(const std::string& path, const amps::RemeshResult& result, const amps::Execution& execution) {
+  amps::MeshWriteOptions writing;
+  writing.edges = result.curve_edges;
+  if (writing.edges.empty()) return amps::write_mesh(path, result.mesh, writing, execution);
+  std::vector<std::size_t> order(result.patches.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return result.patches[a] < result.patches[b]; });
+  amps::Triangles triangles(static_cast<std::ptrdiff_t>(order.size()));
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    triangles.row(static_cast<std::ptrdiff_t>(i)) = result.mesh.triangles.row(static_cast<std::ptrdiff_t>(order[i]));
+    writing.labels.push_back(result.patches[order[i]]);
+  }
+  amps::write_mesh(path, {result.mesh.vertices, triangles}, writing, execution);
+}
+
 int run_remesh(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments);
   amps::RemeshOptions options;
@@ -157,9 +172,10 @@ int run_remesh(const Arguments& arguments) {
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.sampling.execution.threads);
   const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
+  keep_marks(arguments, mesh, watch.part(kRead, kMarked), options.curves);
   const double seconds_read = total.seconds();
-  const double sized = sizing.kind == "uniform" ? kRead : kSized;
-  options.sampling.sizing = make_sizing(sizing, mesh, watch.part(kRead, sized));
+  const double sized = sizing.kind == "uniform" ? kMarked : kSized;
+  options.sampling.sizing = make_sizing(sizing, mesh, watch.part(kMarked, sized));
   const double seconds_sizing = total.seconds() - seconds_read;
   options.sampling.execution = watch.part(sized, kWorked);
   const Stopwatch work;
@@ -168,9 +184,7 @@ int run_remesh(const Arguments& arguments) {
   const double seconds_work = work.seconds();
   const Stopwatch write;
   // An interruption leaves all files as they were, or, once the first is in place, none: the others are then written too.
-  amps::MeshWriteOptions writing;
-  writing.edges = result.curve_edges;
-  amps::write_mesh(arguments.operand(1), result.mesh, writing, watch.part(kWorked, 1));
+  write_result(arguments.operand(1), result, watch.part(kWorked, 1));
   if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
   if (arguments.has("--convergence")) {
     std::ostringstream convergence;
@@ -227,6 +241,40 @@ int run_remesh(const Arguments& arguments) {
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
   print_seconds(table, seconds);
+  const std::string lost = amps::lost_shape(report);
+  return lost.empty() ? kExitDone : complain(lost, kExitShape);
+}
+
+int run_curves(const Arguments& arguments) {
+  amps::CurveOptions options = curve_options(arguments);
+  if (arguments.has("--radius") && arguments.has("--vertices")) {
+    throw arguments.error("say either --radius R or --vertices N, not both");
+  }
+  options.radius = arguments.positive("--radius");
+  const auto vertices = static_cast<double>(arguments.whole("--vertices", 0, 1, kMostVertices));
+  if (arguments.operands() > 1) require_line_output(arguments, arguments.operand(1));
+  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.4));
+  keep_marks(arguments, mesh, watch.part(0.4, 0.5), options);
+  if (vertices > 0) options.radius = first_radius(mesh, vertices);
+  options.execution = watch.part(0.5, 0.9);
+  const amps::CurveGraph graph = amps::find_curves(mesh, options);
+  const bool writes = arguments.operands() > 1 && !graph.empty();
+  if (writes) write_graph(arguments.operand(1), mesh, graph, watch.part(0.9, 1));
+  watch.finish();
+
+  Json json = begin_json("curves");
+  json.add("radius", options.radius);
+  add_graph(json, graph);
+  write_json(arguments, json);
+
+  const Table table(arguments.quiet());
+  print_graph(table, graph);
+  table.row("radius r", options.radius > 0 ? number(options.radius) : "none: creases of all sizes");
+  if (arguments.operands() > 1) {
+    table.row("lines", writes ? "in " + arguments.operand(1) : "none, " + arguments.operand(1) + " is not written");
+  }
   return kExitDone;
 }
 
@@ -278,12 +326,15 @@ int run_info(const Arguments& arguments) {
   const amps::MeshReport report = amps::check(mesh, watch.part(0.25 * looked, 0.6 * looked));
   const amps::TopologyReport& shape = report.topology;
   const amps::QualityReport quality =
-      report.usable() ? amps::quality(mesh, watch.part(0.6 * looked, 0.75 * looked)) : amps::QualityReport();
+      report.usable() ? amps::quality(mesh, watch.part(0.6 * looked, 0.7 * looked)) : amps::QualityReport();
   amps::SelfIntersectionOptions crossing;
   crossing.max_pairs = 0;
-  crossing.execution = watch.part(0.75 * looked, looked);
+  crossing.execution = watch.part(0.7 * looked, 0.85 * looked);
   const amps::SelfIntersectionReport intersections =
       report.usable() ? amps::find_self_intersections(mesh, crossing) : amps::SelfIntersectionReport();
+  amps::CurveOptions curves;
+  curves.execution = watch.part(0.85 * looked, looked);
+  const amps::CurveGraph graph = report.usable() ? amps::find_curves(mesh, curves) : amps::CurveGraph();
   amps::DistanceReport distance;
   if (compare) {
     const amps::Mesh reference = load(arguments.text("--reference"), watch.part(looked, looked + 0.05));
@@ -306,8 +357,12 @@ int run_info(const Arguments& arguments) {
       .add("duplicate_vertices", report.duplicate_vertices)
       .add("isolated_vertices", report.isolated_vertices);
   add_topology(json, "topology", shape);
-  if (report.usable()) json.add("self_intersections", static_cast<std::uint64_t>(intersections.num_pairs));
-  if (report.usable()) add_quality(json, quality, 0);
+  if (report.usable()) {
+    json.add("self_intersections", static_cast<std::uint64_t>(intersections.num_pairs)).open("curves");
+    add_graph(json, graph);
+    json.close();
+    add_quality(json, quality, 0);
+  }
   if (compare) add_distance(json, arguments.text("--reference"), distance);
   write_json(arguments, json);
 
@@ -340,6 +395,9 @@ int run_info(const Arguments& arguments) {
   if (report.usable()) {
     table.row("self-intersections",
               intersections.empty() ? "none" : std::to_string(intersections.num_pairs) + " pairs of triangles");
+    count("curves", static_cast<amps::Index>(graph.curves.size()));
+    count("corners", static_cast<amps::Index>(graph.corners.size()));
+    count("patches", graph.num_patches);
     print_quality(table, quality, 0);
   }
   if (compare) {
@@ -397,6 +455,12 @@ int run_render(const Arguments& arguments) {
   options.smooth = arguments.has("--smooth");
   options.edges = !arguments.has("--no-edges");
   options.z_up = arguments.has("--z-up");
+  const bool curves = arguments.has("--curves");
+  amps::CurveOptions finding = curve_options(arguments);
+  finding.radius = arguments.positive("--radius");
+  for (const char* name : {"--features", "--radius"}) {
+    if (arguments.has(name) && !curves) throw arguments.error(std::string(name) + " is for curves: say --curves as well");
+  }
   std::string extension = fs::path(arguments.operand(1)).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
@@ -404,7 +468,13 @@ int run_render(const Arguments& arguments) {
   require_writable(arguments, arguments.operand(1));
   Watch watch(arguments.quiet(), threads_of(arguments));
   const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
-  options.execution = watch.part(kRead, 0.6);
+  if (curves) {
+    const bool marked = !arguments.has("--features") && amps::mesh_format(arguments.operand(0)) == amps::MeshFormat::kObj;
+    if (marked) options.curves = amps::read_mesh_marks(arguments.operand(0), watch.part(kRead, 0.05)).edges;
+    finding.execution = watch.part(0.05, 0.1);
+    if (options.curves.empty()) options.curves = edges_of(amps::find_curves(mesh, finding));
+  }
+  options.execution = watch.part(0.1, 0.6);
   const render::Image image = render::draw(mesh, options);
   write_file(arguments.operand(1), render::encode_png(image, watch.part(0.6, 1)));
   watch.finish();
@@ -424,6 +494,10 @@ const std::vector<Command>& commands() {
   static const Option kSeed{"--seed", "S", "of the random numbers (default 1): the same seed gives the same bits"};
   static const Option kThreads{"--threads", "T", "default 0: one per core; the result does not depend on it"};
   static const Option kJson{"--json", "FILE", "write the table as JSON too"};
+  static const Option kFeatures{"--features", "ANGLE", "keep creases of more than so many degrees (default 40), or none"};
+  static const Option kBorders{"--borders", "HOW", "keep (default) or free: sampled like everything else"};
+  static const Option kKeep{"--keep", "FILE",
+                            "keep the edges too that lines (l) of an OBJ file name, and points (p) as corners"};
   static const Option kInSpace{"--neighborhood", "KIND",
                                "space (default): disks are balls; surface: sheets do not see each other's disks"};
   static const std::vector<Command> kCommands{
@@ -437,14 +511,16 @@ const std::vector<Command>& commands() {
       {"remesh",
        "IN OUT",
        "replace a mesh by one of well-shaped triangles",
-       "IN and OUT are meshes (.obj .off .ply .stl). With one radius R everywhere, all angles of OUT are in [30, 120] degrees "
-       "and\n"
-       "all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation). Optimisation narrows angles "
-       "to\n"
-       "[35, 105], or [32, 114] where radii vary, and valences to 5, 6 and 7. Corners of IN that are narrower keep their "
-       "angles. Tighter bounds take longer: --angle-min 42 "
-       "--angle-max 90\n"
-       "leaves no obtuse triangle, in six times the time.",
+       "IN and OUT are meshes (.obj .off .ply .stl). With one radius R everywhere, all angles of OUT are in [30, 120] degrees\n"
+       "and all edges in [R, 2R]; where radii vary, angles follow from how fast they do (--gradation). Optimisation narrows\n"
+       "angles to [35, 105], or [32, 114] where radii vary, and valences to 5, 6 and 7. Corners of IN that are narrower keep\n"
+       "their angles. Tighter bounds take longer: --angle-min 42 --angle-max 90 leaves no obtuse triangle, in six times the "
+       "time.\n"
+       "Creases and borders are kept as curves. OBJ files hold them as lines, and the patches between them as groups; PLY "
+       "files\n"
+       "hold patches as a property of faces. The FILE of --keep is IN itself, or has vertices at the positions of those of "
+       "IN.\n"
+       "Exit code 4: OUT is written, but has another topology than IN, lacks edges of curves, or has no triangle.",
        {kRadius,
         {"--vertices", "N", "number of vertices wanted instead, met within 2 %"},
         kSizing,
@@ -452,8 +528,9 @@ const std::vector<Command>& commands() {
         kRmax,
         kError,
         kGradation,
-        {"--features", "ANGLE", "keep creases of more than so many degrees (default 40), or none"},
-        {"--borders", "HOW", "keep (default) or free: sampled like everything else"},
+        kFeatures,
+        kBorders,
+        kKeep,
         {"--neighborhood", "KIND", "surface (default): sheets do not see each other's disks; space: disks are balls"},
         {"--optimize", "WHAT", "angle,valence (default), angle, valence, or none"},
         {"--angle-min", "DEG", "least angle to reach, below 60"},
@@ -465,6 +542,20 @@ const std::vector<Command>& commands() {
         {"--samples", "FILE", "write the vertices as a sample set too (.xyzr .ply .csv)"},
         kJson},
        run_remesh},
+      {"curves",
+       "IN [OUT]",
+       "find the curves that remesh keeps",
+       "IN is a mesh (.obj .off .ply .stl). Curves are borders, edges of many facets, creases, and what is marked (--keep).\n"
+       "Creases too small for the radius wanted are dropped, as in remesh with the same numbers. OUT is an .obj file of the\n"
+       "curves, as lines, and of their corners, as points: look at it, change it, and give it to --keep.",
+       {kFeatures,
+        kBorders,
+        kKeep,
+        {"--radius", "R", "the radius wanted, in the units of the mesh (default: none, creases of all sizes)"},
+        {"--vertices", "N", "the number of vertices wanted instead"},
+        kThreads,
+        kJson},
+       run_curves},
       {"gaps",
        "IN SAMPLES [OUT]",
        "is a set of disks on a mesh maximal?",
@@ -475,10 +566,10 @@ const std::vector<Command>& commands() {
       {"info",
        "IN",
        "say what a mesh is like, and what is wrong with it",
-       "IN is a mesh (.obj .off .ply .stl). With a reference, such as the mesh IN was made from, also: how far the surfaces "
-       "are\n"
-       "apart. No point of either is farther from the other than the Hausdorff distance; root mean square (RMS) and mean are\n"
-       "over each surface, and the greater of both directions is given.",
+       "IN is a mesh (.obj .off .ply .stl). With a reference, such as the mesh IN was made from, also: how far the surfaces\n"
+       "are apart. No point of either is farther from the other than the Hausdorff distance; root mean square (RMS) and mean\n"
+       "are over each surface, and the greater of both directions is given. Curves are borders and creases of more than\n"
+       "40 degrees, of all sizes; 'amps curves' tells which of them a wanted radius keeps.",
        {{"--reference", "FILE", "tell the distance to this mesh, too"}, kThreads, kJson},
        run_info},
       {"make",
@@ -490,13 +581,17 @@ const std::vector<Command>& commands() {
       {"render",
        "IN OUT",
        "draw a picture of a mesh",
-       "IN is a mesh (.obj .off .ply .stl), OUT a .png. Insides, seen through holes or on flipped triangles, are red.",
+       "IN is a mesh (.obj .off .ply .stl), OUT a .png. Insides, seen through holes or on flipped triangles, are red.\n"
+       "Curves are the lines (l) of IN if it has some, such as amps writes them; else, or with --features, they are found.",
        {{"--size", "N", "width and height in pixels (default 1024)"},
         {"--azimuth", "DEG", "walk around the model (default 30)"},
         {"--elevation", "DEG", "look down on it (default 18)"},
         {"--z-up", nullptr, "the model's up axis is z, not y"},
         {"--smooth", nullptr, "interpolate normals"},
         {"--no-edges", nullptr, "do not draw triangle edges"},
+        {"--curves", nullptr, "draw curves as thick lines"},
+        {"--features", "ANGLE", "borders, and creases of more than so many degrees (default 40) or none"},
+        {"--radius", "R", "drop creases too small for this radius, as remesh does"},
         kThreads},
        run_render},
   };
@@ -511,7 +606,8 @@ void print_help() {
     std::printf("  %-28s %s\n", (std::string(command.name) + " " + command.operands).c_str(), command.summary);
   }
   std::printf("\n'amps COMMAND --help' tells the options of a command, 'amps --version' the version.\n");
-  std::printf("Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 130 interrupted.\n");
+  std::printf(
+      "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape, 130 interrupted.\n");
 }
 
 void print_help(const Command& command) {
@@ -546,15 +642,6 @@ int run(const std::vector<std::string>& words) {
     return kExitDone;
   }
   throw UsageError("amps: unknown command " + name + did_you_mean(name, known) + " (see 'amps --help')");
-}
-
-/// Errors are one line each, whatever a file name holds.
-int complain(std::string message) {
-  if (message.compare(0, 4, "amps") != 0) message = "amps: " + message;
-  std::replace_if(
-      message.begin(), message.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
-  std::fprintf(stderr, "%s\n", message.c_str());
-  return kExitTrouble;
 }
 
 }  // namespace

@@ -59,6 +59,14 @@ inline void require_mesh_output(const Arguments& arguments, const std::string& p
   amps::mesh_format(path);
 }
 
+/// Lines are in OBJ files only.
+inline void require_line_output(const Arguments& arguments, const std::string& path) {
+  require_mesh_output(arguments, path);
+  if (amps::mesh_format(path) != amps::MeshFormat::kObj) {
+    throw arguments.error("no lines can be in " + path + ": name an .obj file");
+  }
+}
+
 inline void require_sample_output(const Arguments& arguments, const std::string& path) {
   require_writable(arguments, path);
   amps::sample_format(path);

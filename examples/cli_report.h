@@ -76,6 +76,21 @@ inline void print_curves(const Table& table, const amps::CurveReport& report) {
   table.row("curves, corners", number(report.curves) + ", " + number(report.corners), number(report.samples) + " vertices");
   table.row("edges along curves", "", number(report.edges_kept) + " of " + number(report.edges) + " kept");
   table.row("curves off by up to", "", format("%.3g", report.deviation));
+  const auto angles = [&](const char* name, const amps::QualityReport& quality) {
+    if (quality.triangles > 0) table.row(name, "", format("%.2f to %.2f degrees", quality.min_angle, quality.max_angle));
+  };
+  angles("angles beside curves", report.beside);
+  angles("angles away from them", report.away);
+  if (report.forced_triangles > 0) {
+    table.row("bad by force of curves", "", number(report.forced_triangles) + " triangles");
+  }
+}
+
+/// A kind of curve as a key: its name with underscores.
+inline std::string key_of(amps::CurveKind kind) {
+  std::string key = amps::name_of(kind);
+  std::replace(key.begin(), key.end(), ' ', '_');
+  return key;
 }
 
 inline void add_curves(Json& json, const amps::CurveReport& report) {
@@ -88,7 +103,23 @@ inline void add_curves(Json& json, const amps::CurveReport& report) {
       .add("edges_kept", report.edges_kept)
       .add("length", report.length)
       .add("deviation", report.deviation)
-      .close();
+      .add("forced_triangles", report.forced_triangles)
+      .open("kinds");
+  for (std::size_t kind = 0; kind < amps::kNumCurveKinds; ++kind) {
+    json.add(key_of(static_cast<amps::CurveKind>(kind)).c_str(), report.curves_of[kind]);
+  }
+  json.close();
+  const auto angles = [&json](const char* key, const amps::QualityReport& quality) {
+    if (quality.triangles == 0) return;
+    json.open(key)
+        .add("triangles", quality.triangles)
+        .add("min_angle", quality.min_angle)
+        .add("max_angle", quality.max_angle)
+        .close();
+  };
+  angles("beside", report.beside);
+  angles("away", report.away);
+  json.close();
 }
 
 inline void print_certificate(const Table& table, const amps::TopologyCertificate& certificate) {

@@ -32,6 +32,8 @@ struct Options {
   double elevation = 18;      ///< degrees the viewer looks down from
   bool z_up = false;          ///< the model's up axis is z instead of y
   amps::Execution execution;  ///< the picture does not depend on the threads
+  /// Pairs of vertices, joined by thick lines where they are seen.
+  std::vector<std::array<amps::Index, 2>> curves = {};
 };
 
 namespace detail {
@@ -45,6 +47,10 @@ constexpr double kEdgeHalfWidth = 0.55;  // pixels
 constexpr double kEdgeDarkness = 0.8;    // 1: black
 constexpr double kSliver = 1e-9;         // a sample this little outside counts as inside, so that shared edges have no pinholes
 
+constexpr double kCurveHalfWidth = 1.5e-3;    // part of the picture's width
+constexpr double kLeastCurveHalfWidth = 0.8;  // pixels
+constexpr double kCurveBehind = 1e-3;         // a curve so little behind a surface, of its distance, counts as on it
+
 using Color = Eigen::Vector3f;  // linear light
 
 /// A mesh as the viewer sees it.
@@ -53,6 +59,7 @@ struct View {
   amps::Points normals;        // in camera axes (z towards the viewer): per facet, or per vertex if smooth
   double edge_half_width = 0;  // samples
   float edge_darkness = 0;
+  double curve_half_width = 0;  // samples
 };
 
 /// Rows: right, up, towards the viewer, in the axes of the model.
@@ -136,6 +143,7 @@ inline View look_at(const amps::MeshView& mesh, const Options& options) {
     const double inverse = 1 / (distance - eye(v, 2));
     view.screen.row(v) << half + focal * eye(v, 0) * inverse, half - focal * eye(v, 1) * inverse, inverse;
   }
+  view.curve_half_width = kSupersampling * std::max(kLeastCurveHalfWidth, kCurveHalfWidth * options.size);
   amps::Points normals = amps::facet_normals(mesh);
   if (options.smooth) normals = vertex_normals(mesh, normals);
   view.normals = normals.map() * axes.transpose();
@@ -228,6 +236,63 @@ inline void draw_triangle(const amps::MeshView& mesh, const View& view, bool smo
   }
 }
 
+/// Is a place of a curve seen, or is a surface before it? All samples around it are asked: beside a crease or at an outline,
+/// one may lie on a facet that falls away steeply. A place outside the band is not seen.
+inline bool is_seen(const Band& band, const Eigen::Vector3d& at) {
+  const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y())) - band.first;
+  for (int v = std::max(0, y - 1); v <= std::min(band.rows - 1, y + 1); ++v) {
+    for (int u = std::max(0, x - 1); u <= std::min(band.width - 1, x + 1); ++u) {
+      const std::size_t i = static_cast<std::size_t>(v) * static_cast<std::size_t>(band.width) + static_cast<std::size_t>(u);
+      if (at.z() * (1 + kCurveBehind) >= static_cast<double>(band.depth[i])) return true;
+    }
+  }
+  return false;
+}
+
+/// Inks the samples beside a segment whose nearest point on it is seen: hidden lines stay hidden, and the whole width of others
+/// is drawn, on whatever facets lie there.
+inline void draw_curve(const View& view, const std::array<amps::Index, 2>& curve, Band& band, std::vector<float>& ink) {
+  const Eigen::Vector3d a = view.screen.row(curve[0]), d = Eigen::Vector3d(view.screen.row(curve[1])) - a;
+  const double reach = view.curve_half_width + 0.5;
+  const auto from = [](double x, int least) {
+    return static_cast<int>(std::ceil(std::max(x - 0.5, static_cast<double>(least))));
+  };
+  const auto to = [](double x, int most) { return static_cast<int>(std::floor(std::min(x - 0.5, static_cast<double>(most)))); };
+  const double length2 = d.head<2>().squaredNorm();
+  const int y1 = to(std::max(a.y(), a.y() + d.y()) + reach, band.first + band.rows - 1);
+  for (int y = from(std::min(a.y(), a.y() + d.y()) - reach, band.first); y <= y1; ++y) {
+    // Of a slanted segment, only the part near this row.
+    double t0 = 0, t1 = 1;
+    if (std::abs(d.y()) > reach) {
+      const double near0 = (y + 0.5 - reach - a.y()) / d.y(), near1 = (y + 0.5 + reach - a.y()) / d.y();
+      t0 = std::clamp(std::min(near0, near1), 0.0, 1.0);
+      t1 = std::clamp(std::max(near0, near1), 0.0, 1.0);
+    }
+    const auto [low_x, high_x] = std::minmax({a.x() + t0 * d.x(), a.x() + t1 * d.x()});
+    const int x1 = to(high_x + reach, band.width - 1);
+    for (int x = from(low_x - reach, 0); x <= x1; ++x) {
+      const Eigen::Vector2d here(x + 0.5, y + 0.5);
+      const double t = length2 > 0 ? std::clamp((here - a.head<2>()).dot(d.head<2>()) / length2, 0.0, 1.0) : 0;
+      const Eigen::Vector3d nearest = a + t * d;  // nearness is linear on the screen
+      const auto dark = static_cast<float>(std::clamp(reach - (here - nearest.head<2>()).norm(), 0.0, 1.0));
+      const std::size_t i =
+          static_cast<std::size_t>(y - band.first) * static_cast<std::size_t>(band.width) + static_cast<std::size_t>(x);
+      if (dark > ink[i] && is_seen(band, nearest)) ink[i] = dark;
+    }
+  }
+}
+
+inline void draw_curves(const View& view, const Options& options, Band& band) {
+  if (options.curves.empty()) return;
+  static const Color kCurve(0.012f, 0.012f, 0.016f);
+  std::vector<float> ink(band.color.size(), 0.0f);
+  for (std::size_t c = 0; c < options.curves.size(); ++c) {
+    if (c % kFacetsPerLook == 0) options.execution.check();
+    draw_curve(view, options.curves[c], band, ink);
+  }
+  for (std::size_t i = 0; i < ink.size(); ++i) band.color[i] = (1 - ink[i]) * band.color[i] + ink[i] * kCurve;
+}
+
 inline std::uint8_t to_srgb(float linear) {
   const float x = std::clamp(linear, 0.0f, 1.0f);
   const float s = x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1 / 2.4f) - 0.055f;
@@ -247,8 +312,11 @@ inline Image draw(const amps::MeshView& mesh, const Options& options) {
   image.rgb.resize(static_cast<std::size_t>(options.size) * static_cast<std::size_t>(options.size) * 3);
 
   std::atomic<int> rows_drawn{0};
+  // Samples above and below a band: there, too, it must be known whether the middle of a line is hidden.
+  const int margin = options.curves.empty() ? 0 : static_cast<int>(std::ceil(view.curve_half_width)) + 2;
   const auto draw_rows = [&](int first, int end) {
-    Band band{options.size * kSupersampling, first * kSupersampling, (end - first) * kSupersampling, {}, {}};
+    const int first_sample = first * kSupersampling, num_samples = (end - first) * kSupersampling;
+    Band band{options.size * kSupersampling, first_sample - margin, num_samples + 2 * margin, {}, {}};
     const std::size_t samples = static_cast<std::size_t>(band.width) * static_cast<std::size_t>(band.rows);
     band.depth.assign(samples, 0.0f);
     band.color.resize(samples);
@@ -260,11 +328,12 @@ inline Image draw(const amps::MeshView& mesh, const Options& options) {
       if (f % kFacetsPerLook == 0) job.report(static_cast<double>(rows_drawn) / options.size);
       draw_triangle(mesh, view, options.smooth, f, band);
     }
+    draw_curves(view, options, band);
     for (int y = first; y < end; ++y) {
       for (int x = 0; x < options.size; ++x) {
         Color sum = Color::Zero();
         for (int s = 0; s < kSupersampling * kSupersampling; ++s) {
-          const int sample_y = (y - first) * kSupersampling + s / kSupersampling;
+          const int sample_y = margin + (y - first) * kSupersampling + s / kSupersampling;
           const int sample_x = x * kSupersampling + s % kSupersampling;
           sum += band.color[static_cast<std::size_t>(sample_y) * static_cast<std::size_t>(band.width) +
                             static_cast<std::size_t>(sample_x)];

@@ -14,14 +14,15 @@ fail() {
   failures=$((failures + 1))
 }
 
-# run CODE ARGUMENTS...: amps returns CODE; without an error also prints none.
+# run CODE ARGUMENTS...: amps returns CODE; prints an error only with 2 and 4, and with 4 one line.
 run() {
   wanted=$1
   shift
   code=0
   "$amps" "$@" >log/out 2>log/err </dev/null || code=$?
   [ "$code" -eq "$wanted" ] || fail "amps $* returned $code, not $wanted: $(head -n 3 log/err)"
-  if [ "$wanted" -ne 2 ] && [ -s log/err ]; then fail "amps $* complains: $(cat log/err)"; fi
+  if [ "$wanted" -ne 2 ] && [ "$wanted" -ne 4 ] && [ -s log/err ]; then fail "amps $* complains: $(cat log/err)"; fi
+  if [ "$wanted" -eq 4 ] && [ "$(wc -l <log/err)" -ne 1 ]; then fail "amps $*: not one line: $(cat log/err)"; fi
 }
 
 # bad PATTERN ARGUMENTS...: amps returns 2, says why in one line that matches PATTERN, and leaves no file behind.
@@ -44,7 +45,7 @@ number() {
 echo "-- help"
 run 0 --help
 run 0 --version
-for command in sample remesh gaps info make render; do
+for command in sample remesh curves gaps info make render; do
   run 0 "$command" --help
   grep -q "^usage: amps $command " log/out || fail "help of $command has no synopsis"
   # shellcheck disable=SC2013  # options are words
@@ -186,6 +187,95 @@ grep -q '^l ' round.obj && fail "--features none keeps curves"
 bad "keep or free" remesh box.obj no.obj --vertices 100 --borders some
 bad "does not go with" remesh box.obj no.obj --vertices 100 --features 30 --neighborhood space
 
+
+echo "-- patches"
+[ "$(number forced_triangles edges.json)" -ge 0 ] || fail "no angles beside curves"
+awk -v beside="$(grep -A 3 '"beside"' edges.json | number min_angle /dev/stdin)" 'BEGIN { exit !(beside > 10 && beside < 60) }' ||
+  fail "angles beside the curves of a cube: $(grep -A 3 '"beside"' edges.json)"
+run 0 remesh box.obj edges.obj --vertices 1500
+for row in "^curves, corners *12, 8 " "^edges along curves " "^curves off by up to " "^angles beside curves " "^angles away from them "; do
+  grep -q "$row" log/out || fail "no row $row of the curves of a cube"
+done
+# The six groups of a cube, each once, and each in a plane: x, y or z is the same at all its vertices,
+# up to rounding.
+[ "$(grep -c '^g patch_' edges.obj)" = 6 ] || fail "a cube has $(grep -c '^g patch_' edges.obj) groups"
+awk '/^v / { n++; for (k = 1; k <= 3; k++) x[n, k] = $(k + 1) }
+     /^g / { group++ }
+     /^f / { for (k = 1; k <= 3; k++) for (c = 2; c <= 4; c++) {
+               if (!((group, k) in at)) at[group, k] = x[$c, k]
+               d = x[$c, k] - at[group, k]
+               if (d < -1e-9 || d > 1e-9) apart[group, k] = 1
+             } }
+     END { for (g = 1; g <= 6; g++) if (apart[g, 1] + apart[g, 2] + apart[g, 3] != 2) exit 1 }' edges.obj ||
+  fail "a group of a cube is not one face of it"
+run 0 remesh box.obj edges.ply --vertices 1500
+head -n 10 edges.ply | grep -q '^property int patch$' || fail "no patches in PLY"
+run 0 info edges.ply
+run 0 remesh torus.obj smooth.obj --vertices 500
+grep -q '^g ' smooth.obj && fail "patches of a torus"
+
+echo "-- curves found"
+run 0 curves box.obj box_lines.obj --json curves.json
+grep -q '^crease  *12 ' log/out || fail "a cube has not 12 creases: $(cat log/out)"
+for want in "curves 12" "corners 8" "patches 6" "closed_loops 0" "dropped_edges 0"; do
+  [ "$(number "${want% *}" curves.json)" = "${want#* }" ] || fail "a cube has not $want"
+done
+[ "$(grep -c '^p ' box_lines.obj)" = 8 ] || fail "the corners of a cube are not in the file"
+grep -q '^f ' box_lines.obj && fail "facets among lines"
+[ "$(sed -n 's/^l //p' box_lines.obj | tr ' ' '\n' | sort -u | wc -l)" = "$(grep -c '^v ' box_lines.obj)" ] ||
+  fail "vertices that are on no curve are written"
+run 0 curves box.obj --quiet
+[ ! -s log/out ] || fail "--quiet prints"
+run 0 curves square.obj square_lines.obj --vertices 300 --json curves.json
+grep -A 3 '"border"' curves.json | grep -q '"curves": 4' || fail "a square has not 4 borders"
+run 0 curves square.obj none.obj --borders free
+grep -q 'none.obj is not written' log/out || fail "curves of a square without borders"
+[ ! -e none.obj ] || fail "a file of no curves"
+run 0 curves torus.obj none.obj --radius 0.1 --json curves.json
+[ "$(number curves curves.json)" = 0 ] || fail "a torus has curves"
+run 0 info box.obj --json info.json
+grep -q '^curves *12$' log/out || fail "info tells no curves"
+grep -A 6 '"curves": {' info.json | grep -q '"corners": 8' || fail "info tells no corners"
+bad "not both" curves box.obj --radius 0.1 --vertices 100
+bad "obj" curves box.obj no.ply
+bad "obj" curves box.obj no.png
+bad "nowhere" curves box.obj nowhere/no.obj
+
+echo "-- edges to be kept"
+# Of a cube with no creases kept, those of a file.
+run 0 remesh box.obj kept.obj --vertices 1500 --features none --keep box_lines.obj --json kept.json
+grep -A 20 '"kinds"' kept.json | grep -q '"marked": 12' || fail "the creases of a file are not kept: $(cat kept.json)"
+[ "$(number edges_kept kept.json)" = "$(number edges kept.json)" ] || fail "edges along kept curves are lost"
+cmp kept.obj edges.obj || fail "marked curves and found ones differ"
+run 0 curves kept.obj --features none --keep kept.obj  # a mesh and its own lines
+grep -q '^marked  *12 ' log/out || fail "not the curves of the result: $(cat log/out)"
+# The same in the file itself, a polyline with negative indices; and two corners in the plane.
+run 0 make square flat.obj --n 8
+{ cat flat.obj; echo 'l 4 5 -4'; echo 'p 5'; } >marked.obj
+run 0 curves marked.obj --borders free --keep marked.obj --json curves.json
+grep -A 3 '"marked"' curves.json | grep -q '"curves": 2' || fail "a line with a point on it: $(cat curves.json)"
+[ "$(number corners curves.json)" = 3 ] || fail "a line with a point on it has not 3 corners"
+# Lines that mark nothing.
+{ grep '^v ' flat.obj; echo 'v 0.3 0.3 0'; echo 'l 4 10'; } >off.obj
+bad "off.obj: line 11: vertex 10 (0.3, 0.3, 0) is where flat.obj has no vertex" remesh flat.obj no.obj --radius 0.3 --keep off.obj
+{ grep '^v ' flat.obj; echo '# far'; echo 'l 1 9'; } >far.obj
+bad "far.obj: line 11: from vertex 1 (.*) to vertex 9 (.*) there is no edge of flat.obj" curves flat.obj --keep far.obj
+{ cat flat.obj; echo 'v 5 5 5'; } >lonely.obj
+{ echo 'v 5 5 5'; echo 'p 1'; } >point.obj
+bad "point.obj: line 2: vertex 1 (5, 5, 5) is on no facet of lonely.obj" curves lonely.obj --keep point.obj
+bad "nothing.*no line\|no line" curves box.obj --keep box.obj
+bad "OBJ files only" curves box.obj --keep edges.ply
+bad "missing.obj" curves box.obj --keep missing.obj
+bad "does not go with" remesh box.obj no.obj --vertices 100 --keep box_lines.obj --neighborhood space
+
+echo "-- a shape that is lost"
+run 4 remesh torus.obj lost.obj --radius 3 --json lost.json --samples lost.xyzr
+grep -q '^amps: nothing of the shape is left' log/err || fail "an empty result: $(cat log/err)"
+grep -q '"status": "shape changed"' lost.json || fail "the status of an empty result: $(grep status lost.json)"
+{ [ -s lost.obj ] && [ -s lost.xyzr ]; } || fail "results of a shape that is lost are not written"
+run 4 remesh torus.obj lost.obj --radius 3 --quiet
+[ ! -s log/out ] || fail "--quiet prints"
+
 echo "-- the same seed, the same bytes"
 run 0 remesh torus.obj a.off --radius 0.1 --seed 5 --threads 1
 run 0 remesh torus.obj b.off --radius=0.1 --seed=5 --threads 2
@@ -196,6 +286,29 @@ cmp a.off b.off || fail "one seed, two results"
 echo "-- pictures"
 run 0 render torus.obj torus.png --size 200 --z-up
 [ "$(head -c 4 torus.png | tail -c 3)" = PNG ] || fail "torus.png is no PNG"
+run 0 render box.obj plain.png --size 200
+run 0 render box.obj found.png --size 200 --curves
+run 0 render edges.obj lines.png --size 200 --curves
+run 0 render edges.obj found_too.png --size 200 --curves --features 40 --threads 2
+run 0 render edges.obj none.png --size 200 --curves --features none
+run 0 render edges.obj bare.png --size 200
+! cmp -s plain.png found.png || fail "curves are not drawn"
+cmp lines.png found_too.png || fail "the curves of a result, and those found, are drawn differently"
+cmp none.png bare.png || fail "curves are drawn where there are none"
+# A line on a small triangle behind a large square: hidden from before, seen from behind.
+{
+  printf 'v -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\nv -0.3 -0.3 0\nv 0.3 -0.3 0\nv 0 0.3 0\n'
+  printf 'f 1 2 3 4\nf 5 6 7\nl 5 6\n'
+} >behind.obj
+for azimuth in 0 180; do
+  run 0 render behind.obj without.png --size 200 --azimuth $azimuth --elevation 0
+  run 0 render behind.obj with.png --size 200 --azimuth $azimuth --elevation 0 --curves
+  code=0
+  cmp -s without.png with.png || code=1
+  [ $code = $((azimuth / 180)) ] || fail "a line behind a square, seen from azimuth $azimuth"
+done
+bad "say --curves" render box.obj no.png --features 30
+bad "say --curves" render box.obj no.png --radius 0.1
 if command -v python3 >log/which 2>&1; then
   python3 - torus.png <<'PYTHON' || fail "torus.png cannot be decoded"
 import struct, sys, zlib

@@ -166,6 +166,11 @@ TEST_CASE("curves: three sheets at an edge, two fans at a vertex, marks and labe
   options.vertices = {1};
   CHECK(find_curves(square, options).corners == std::vector<Index>{1});
   CHECK(find_curves(square, options).curves.empty());
+
+  const Mesh lonely = triangles_of({{5, 5, 5}, {0, 0, 0}, {1, 0, 0}, {1, 1, 0}}, {{1, 2, 3}});
+  CHECK(find_curves(lonely, options).corners == std::vector<Index>{1});
+  options.vertices = {0};  // on no facet
+  CHECK_THROWS_AS(find_curves(lonely, options), Error);
 }
 
 namespace {

@@ -219,7 +219,7 @@ TEST_CASE("mesh_io: real files survive every format") {
   }
 }
 
-TEST_CASE("mesh_io: edges of a mesh are lines of OBJ, which reading passes over") {
+TEST_CASE("mesh_io: edges of a mesh are lines of OBJ, which reading a mesh passes over and reading marks gives back") {
   const Mesh square = amps::make_square(1);
   amps::MeshWriteOptions options;
   options.edges = {{0, 1}, {3, 2}};
@@ -227,8 +227,83 @@ TEST_CASE("mesh_io: edges of a mesh are lines of OBJ, which reading passes over"
   CHECK(obj.find("\nl 1 2\nl 4 3\n") != std::string::npos);
   CHECK(amps::parse_mesh(obj, MeshFormat::kObj).triangles == square.triangles);
   CHECK(amps::format_mesh(square, MeshFormat::kOff, options) == amps::format_mesh(square, MeshFormat::kOff));
+  const amps::MeshMarks marks = amps::parse_mesh_marks(obj, MeshFormat::kObj);
+  CHECK(marks.edges == options.edges);
+  CHECK(marks.vertices.empty());
+  const Folder folder;
+  amps::write_mesh(folder.path / "square.obj", square, options);
+  CHECK(amps::read_mesh_marks(folder.path / "square.obj").edges == options.edges);
+  CHECK(error_text([&] { amps::read_mesh_marks(folder.path / "square.ply"); }).find("OBJ files only") != std::string::npos);
+  CHECK(error_of([&] { amps::read_mesh_marks(folder.path / "none.obj"); }) == ErrorCode::kFileNotFound);
+  options.vertices = {2, 0};
+  const amps::MeshMarks both = amps::parse_mesh_marks(amps::format_mesh(square, MeshFormat::kObj, options), MeshFormat::kObj);
+  CHECK(both.edges == options.edges);
+  CHECK(both.vertices == options.vertices);
   options.edges = {{0, 4}};
   CHECK_THROWS_AS(amps::format_mesh(square, MeshFormat::kObj, options), amps::Error);
+  options.edges.clear();
+  options.vertices = {-1};
+  CHECK_THROWS_AS(amps::format_mesh(square, MeshFormat::kObj, options), amps::Error);
+}
+
+TEST_CASE("mesh_io: labels of facets are groups of OBJ and a property of PLY, and the mesh is read back as it was") {
+  const Mesh mesh = amps::make_sphere(200, 1.0);
+  amps::MeshWriteOptions options;
+  for (Index f = 0; f < rows(mesh.triangles); ++f) options.labels.push_back(f < 50 ? 7 : f < 100 ? -1 : 0);
+  for (const bool ascii : {false, true}) {
+    options.ascii_ply = ascii;
+    for (const MeshFormat format : {MeshFormat::kObj, MeshFormat::kOff, MeshFormat::kPly}) {
+      CAPTURE(static_cast<int>(format));
+      CHECK(same_bits(amps::parse_mesh(amps::format_mesh(mesh, format, options), format), mesh));
+    }
+  }
+  CHECK(amps::format_mesh(mesh, MeshFormat::kOff, options) == amps::format_mesh(mesh, MeshFormat::kOff));
+  CHECK(amps::format_mesh(mesh, MeshFormat::kStl, options) == amps::format_mesh(mesh, MeshFormat::kStl));
+
+  // Read by another reader: the group that each face stands in.
+  options.label_name = "part_2";
+  std::istringstream obj(amps::format_mesh(mesh, MeshFormat::kObj, options));
+  std::vector<Index> found;
+  int groups = 0;
+  for (std::string line, group; std::getline(obj, line);) {
+    if (line[0] == 'g') group = line.substr(2), ++groups;
+    if (line[0] != 'f') continue;
+    REQUIRE(group.substr(0, 7) == "part_2_");
+    found.push_back(static_cast<Index>(std::stoi(group.substr(7))));
+  }
+  CHECK(found == options.labels);
+  CHECK(groups == 3);
+  std::istringstream ply(amps::format_mesh(mesh, MeshFormat::kPly, options));
+  std::string line;
+  bool told = false;
+  while (line != "end_header") {
+    REQUIRE(std::getline(ply, line));
+    told = told || line == "property int part_2";
+  }
+  CHECK(told);
+  for (Index v = 0; v < rows(mesh.vertices); ++v) std::getline(ply, line);
+  found.clear();
+  for (Index f = 0; f < rows(mesh.triangles); ++f) {
+    Index size, a, b, c, label;
+    ply >> size >> a >> b >> c >> label;
+    REQUIRE(static_cast<bool>(ply));
+    found.push_back(label);
+  }
+  CHECK(found == options.labels);
+}
+
+TEST_CASE("mesh_io: labels that cannot be are refused in every format") {
+  const Mesh mesh = square();
+  for (const MeshFormat format : kFormats) {
+    amps::MeshWriteOptions options;
+    options.labels = {1};
+    CHECK(error_text([&] { amps::format_mesh(mesh, format, options); }).find("1 labels for 2 facets") != std::string::npos);
+    options.labels = {1, 2};
+    for (const char* name : {"", "a patch", "patch\n"}) {
+      options.label_name = name;
+      CHECK(error_of([&] { amps::format_mesh(mesh, format, options); }) == ErrorCode::kInvalidArgument);
+    }
+  }
 }
 
 }  // namespace amps_test

@@ -5,6 +5,8 @@
 
 #include <doctest/doctest.h>
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -44,6 +46,51 @@ TEST_CASE("mesh_io: OBJ that cannot be is refused with the line") {
   check_refused(v + "f 1 2 x\n", MeshFormat::kObj, "line 4: expected a vertex index, found \"x\"");
   for (const char* bad : {"nan", "inf", "-INF", "1e999", "0x10", "1,5", "--1", "+-1", "1e", ".", "1.0f"}) {
     check_refused(v + "v 0 0 " + bad + "\n", MeshFormat::kObj, "line 4");
+  }
+}
+
+TEST_CASE("mesh_io: lines and points of OBJ in the forms people write them") {
+  using Edges = std::vector<std::array<Index, 2>>;
+  const std::string v = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n";
+  const auto parsed = [](const std::string& text) { return amps::parse_mesh_marks(text, MeshFormat::kObj, "some.file"); };
+  for (const char* lines : {"l 1 2 4 3\n", "l 1 2\nl 2 4\nl 4 3\n", "l 1/1 2/2 4/4 3/3", "l -4 -3 -1 -2\n", "l 1 2 \\\n 4 3\n",
+                            "\r\nf 1 2 3\r\nl\t1  2\t4 3 # a polyline\r\n", "l 1 2\nl 3\nl\ng b\nl 2 4\nl 4 3"}) {
+    CAPTURE(lines);
+    const amps::MeshMarks marks = parsed(v + lines);
+    CHECK(marks.edges == Edges{{0, 1}, {1, 3}, {3, 2}});
+    CHECK(marks.vertices.empty());
+    CHECK(marks.edge_lines.size() == marks.edges.size());
+  }
+  CHECK(parsed("l 1 2\n" + v).edges == Edges{{0, 1}});  // before the vertices
+  CHECK(parsed("v 0 0 0\nv 1 0 0\nl -1 -2\nv 2 0 0\nl -1 -2\n").edges == Edges{{1, 0}, {2, 1}});
+  const amps::MeshMarks marks = parsed(v + "\n# two\r\np 1 -1\rl 1 2 3 1\n\\\nvp 1\np 2\n");
+  CHECK(marks.vertices == std::vector<Index>{0, 3, 1});
+  CHECK(marks.vertex_lines == std::vector<std::size_t>{7, 7, 11});
+  CHECK(marks.edges == Edges{{0, 1}, {1, 2}, {2, 0}});
+  CHECK(marks.edge_lines == std::vector<std::size_t>{8, 8, 8});
+  CHECK(parsed(v).empty());
+}
+
+TEST_CASE("mesh_io: lines and points of OBJ that cannot be are refused with the line") {
+  const std::string v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  const auto refused = [](const std::string& data, MeshFormat format, const std::string& part) {
+    CAPTURE(data);
+    const Thrown thrown = thrown_by([&] { amps::parse_mesh_marks(data, format, "some.file"); });
+    CAPTURE(thrown.text);
+    CHECK(thrown.code == ErrorCode::kFileFormat);
+    CHECK(thrown.text.find("some.file: ") == 0);
+    CHECK(thrown.text.find(part) != std::string::npos);
+  };
+  refused("", MeshFormat::kObj, "not an OBJ");
+  refused(v + "l 1 4\n", MeshFormat::kObj,
+          "line 4: vertex index 4 is out of range, vertices are numbered 1 to 3; correct or remove the line");
+  refused(v + "\nl 1 0\n", MeshFormat::kObj, "line 5: vertex index 0");
+  refused(v + "l -4 1\n", MeshFormat::kObj, "line 4: vertex index -4");
+  refused(v + "l 1 x\n", MeshFormat::kObj, "line 4: expected a vertex index, found \"x\"; correct or remove the line");
+  refused("p 9\np 8\n" + v, MeshFormat::kObj,
+          "line 1: vertex index 9 is out of range, vertices are numbered 1 to 3; correct or remove the point");
+  for (const MeshFormat format : {MeshFormat::kOff, MeshFormat::kPly, MeshFormat::kStl}) {
+    refused(v + "l 1 2\n", format, "OBJ files only");
   }
 }
 
@@ -178,7 +225,9 @@ TEST_CASE("mesh_io: a file cut short anywhere is read or refused, never more") {
 
 TEST_CASE("mesh_io: a file with damaged bytes is read or refused, never more") {
   Rng rng(2024);
-  for (const auto& [format, data] : small_files()) {
+  auto files = small_files();
+  files.emplace_back(MeshFormat::kObj, "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\nl 1 2/1 -1 \\\n 3\np -3 2\n");
+  for (const auto& [format, data] : files) {
     for (int round = 0; round < 3000; ++round) {
       std::string damaged = data;
       for (std::uint64_t n = 1 + rng.below(4); n > 0; --n) {
@@ -195,6 +244,7 @@ TEST_CASE("mesh_io: a file with damaged bytes is read or refused, never more") {
           const amps::MeshReport report = amps::check(amps::parse_mesh(damaged, as));
           REQUIRE(report.non_finite_vertices == 0);
           REQUIRE(report.out_of_range_facets == 0);
+          if (as == MeshFormat::kObj) amps::parse_mesh_marks(damaged, as);
         } catch (const Error& error) {
           const bool expected = error.code() == ErrorCode::kFileFormat || error.code() == ErrorCode::kTooLarge;
           REQUIRE(expected);
