@@ -77,6 +77,8 @@
 //   mesh_io_samples         (its .cpp only) sample files, lists of numbers
 //   quality.h        angles, edges, areas, valences
 //   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces
+//   fit_system.h     (internal) offsets of vertices by least squares
+//   fit.h            vertices that leave the surface, so that triangles lie closer to it
 //   remesh.h         the dual triangulation, and the whole pipeline in one call
 #pragma once
 
@@ -105,4 +107,5 @@
 #include "amps/quality.h"
 #include "amps/surface_tree.h"
 #include "amps/surface_distance.h"
+#include "amps/fit.h"
 #include "amps/remesh.h"
