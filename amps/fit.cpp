@@ -31,7 +31,7 @@ constexpr FitRegularisation kFreeRegularisation = {1e-3, 1e-2, 0.05};
 constexpr FitRegularisation kCurveRegularisation = {1e-3, 1e-3, 0};
 constexpr double kRelaxation = 0.3;   ///< after a round that brought something
 constexpr double kStiffening = 4;     ///< after one that did not
-constexpr int kFreeRounds = 6;        ///< further ones bring some 1 % each
+constexpr int kFreeRounds = 8;        ///< further ones bring some 0.5 % each
 constexpr double kLeastGain = 0.005;  ///< of the residual, for a further round
 constexpr int kIterations = 12;       ///< of conjugate gradients: 1e-3 of the residual are mostly left after 6 to 10
 constexpr int kCurveIterations = 100;
@@ -183,6 +183,26 @@ struct FitPair {
   Vec3 weight;
 };
 
+/// The nearest points of the surface. `hints` (in and out): the facets found for the same points when they, or the surface,
+/// were elsewhere; empty at first.
+std::vector<SurfaceHit> nearest_again(const SurfaceTree& tree, const Points& points, std::vector<Index>& hints,
+                                      const Execution& run) {
+  std::vector<SurfaceHit> hits;
+  if (hints.empty()) {
+    hits = tree.nearest_all(points, run);
+    hints.resize(hits.size());
+  } else {
+    hits.resize(hints.size());
+    parallel_for(hits.size(), kFitGrain, run, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        hits[i] = tree.nearest(points.row(static_cast<std::ptrdiff_t>(i)).transpose(), hints[i]);
+      }
+    });
+  }
+  for (std::size_t i = 0; i < hits.size(); ++i) hints[i] = hits[i].point.facet;
+  return hits;
+}
+
 /// `tiny`: below it, the direction of a distance is rounding, and `normal` is that of the surface.
 FitSample sample_of(const FitPair& pair, const Vec3& normal, double tiny, double mass) {
   FitSample sample;
@@ -300,9 +320,9 @@ class VertexFit {
 
   void compute_normals();
   void orient(const Execution& run);
-  FitSamples take_samples(Residual& residual, const Execution& run) const;
+  FitSamples take_samples(Residual& residual, const Execution& run);
   void sample_input(std::vector<FitSample>& samples, std::vector<Index>& triangle, std::vector<double>& square,
-                    const Execution& run) const;
+                    const Execution& run);
   FitCorners corners(std::size_t f) const { return corners_at(triangles_, at_, f); }
   /// Whether a point of a triangle and one of the input, where the normal is that, lie on sheets of opposed normals.
   bool opposed(std::size_t f, const Vec3& area, const Vec3& normal) const { return sense_[f] * area.dot(normal) < 0; }
@@ -333,8 +353,9 @@ class VertexFit {
   std::vector<std::int8_t> sense_;  ///< by triangle: −1 where the input has the opposite orientation, 0 where it is not clear
   double length_ = 0;               ///< of an edge, in the mean
   InputPoints input_points_;        ///< for free fits
-  double stiffness_ = 1;            ///< of the regularisation
-  std::vector<char> held_back_;     ///< by vertex
+  std::vector<Index> hints_, input_hints_;  ///< what the points of triangles and those of the input came to
+  double stiffness_ = 1;                    ///< of the regularisation
+  std::vector<char> held_back_;             ///< by vertex
 };
 
 VertexFit::VertexFit(const MeshView& input, const MeshView& mesh, const FitOptions& options, const Execution& run)
@@ -404,7 +425,7 @@ void VertexFit::orient(const Execution& run) {
 
 /// Three points a triangle with the nearest ones of the input; in free fits points of the input with the nearest ones of the
 /// mesh as well, which see what no triangle comes near.
-FitSamples VertexFit::take_samples(Residual& residual, const Execution& run) const {
+FitSamples VertexFit::take_samples(Residual& residual, const Execution& run) {
   constexpr std::size_t kRule = 3;  // exact for squares
   constexpr double kNear = 1.0 / 6, kFar = 2.0 / 3;
   const std::size_t n = triangles_.size();
@@ -418,7 +439,7 @@ FitSamples VertexFit::take_samples(Residual& residual, const Execution& run) con
       }
     }
   });
-  const std::vector<SurfaceHit> hits = tree_.nearest_all(positions, run.part(0, fit_ == Fit::kFree ? 0.4 : 1));
+  const std::vector<SurfaceHit> hits = nearest_again(tree_, positions, hints_, run.part(0, fit_ == Fit::kFree ? 0.4 : 1));
   std::vector<FitSample> of_input;
   std::vector<Index> triangle_of_input;
   std::vector<double> square_of_input;
@@ -467,14 +488,14 @@ FitSamples VertexFit::take_samples(Residual& residual, const Execution& run) con
 
 /// The points of the input: samples, their triangles and squared distances.
 void VertexFit::sample_input(std::vector<FitSample>& samples, std::vector<Index>& triangle, std::vector<double>& square,
-                             const Execution& run) const {
+                             const Execution& run) {
   Mesh mesh{Points(static_cast<std::ptrdiff_t>(at_.size())), Triangles(static_cast<std::ptrdiff_t>(triangles_.size()))};
   for (std::size_t v = 0; v < at_.size(); ++v) mesh.vertices.row(static_cast<std::ptrdiff_t>(v)) = at_[v].transpose();
   for (std::size_t f = 0; f < triangles_.size(); ++f) {
     mesh.triangles.row(static_cast<std::ptrdiff_t>(f)) << triangles_[f][0], triangles_[f][1], triangles_[f][2];
   }
   const SurfaceTree tree(mesh, run.part(0, 0.2));
-  const std::vector<SurfaceHit> hits = tree.nearest_all(input_points_.positions, run.part(0.2, 1));
+  const std::vector<SurfaceHit> hits = nearest_again(tree, input_points_.positions, input_hints_, run.part(0.2, 1));
   samples.resize(hits.size());
   triangle.resize(hits.size());
   square.resize(hits.size());
