@@ -38,10 +38,14 @@ const char* name_of(Outcome outcome) noexcept {
   switch (outcome) {
     case Outcome::kDone:
       return "done";
+    case Outcome::kCountMissed:
+      return "count missed";
     case Outcome::kIterationLimit:
       return "iteration limit";
     case Outcome::kStalled:
       return "stalled";
+    case Outcome::kShapeChanged:
+      return "shape changed";
     case Outcome::kCancelled:
       return "cancelled";
   }

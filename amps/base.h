@@ -82,12 +82,14 @@ Vec3 uniform_barycentric(Rng& rng) noexcept;
 /// another.
 enum class Outcome {
   kDone,            ///< everything asked for was reached
+  kCountMissed,     ///< the number of samples is another one than asked for: the shape needs more, or fewer fit on it
   kIterationLimit,  ///< as many iterations as allowed were spent
   kStalled,         ///< going on would bring nothing, or too little
+  kShapeChanged,    ///< the result has another topology than the surface, lacks some of its curves, or is empty
   kCancelled,       ///< stopped through Progress
 };
 
-/// In words: "done", "iteration limit", "stalled", "cancelled".
+/// In words: "done", "count missed", "iteration limit", "stalled", "shape changed", "cancelled".
 const char* name_of(Outcome outcome) noexcept;
 
 namespace detail {

@@ -39,6 +39,7 @@ class CurveFinder {
   CurveGraph find() {
     curve_.assign(edges_.size(), 0);
     fixed_.assign(edges_.size(), 0);
+    kind_.assign(edges_.size(), CurveKind::kCrease);
     measure_edges();
     mark_fixed();
     if (options_.creases) {
@@ -111,8 +112,11 @@ class CurveFinder {
     for_each_index(edges_.size(), run_.part(0.15, 0.2), [this](std::size_t e) {
       const MeshEdge edge = edges_[e];
       bool fixed = options_.borders && edge.size() != 2;
+      if (fixed) kind_[e] = edge.boundary() ? CurveKind::kBorder : CurveKind::kManySheets;
       for (std::size_t i = 1; i < edge.size() && !options_.labels.empty(); ++i) {
-        fixed = fixed || options_.labels[slot(edge[i].facet)] != options_.labels[slot(edge[0].facet)];
+        if (options_.labels[slot(edge[i].facet)] == options_.labels[slot(edge[0].facet)]) continue;
+        fixed = true;
+        kind_[e] = std::min(kind_[e], CurveKind::kLabels);
       }
       fixed_[e] = curve_[e] = fixed;
     });
@@ -123,6 +127,7 @@ class CurveFinder {
                                                      std::to_string(pair[1]) + " are marked as an edge, but share none");
       }
       fixed_[e] = curve_[e] = 1;
+      kind_[e] = std::min(kind_[e], CurveKind::kMarked);
     }
   }
 
@@ -420,7 +425,7 @@ class CurveFinder {
       graph_.curve_of_edge[e] = number;
       curve.edges.push_back(e);
       curve.arc.push_back(curve.arc.back() + length_[e]);
-      curve.border = curve.border || edges_[e].boundary();
+      curve.kind = std::min(curve.kind, kind_[e]);
       w = other(e, w);
       curve.vertices.push_back(w);
       if (w == v || graph_.corner_of_vertex[slot(w)] != kNone) break;
@@ -465,6 +470,7 @@ class CurveFinder {
   const Execution& run_;
   std::vector<double> length_, radius_;          // by edge
   std::vector<char> curve_, fixed_, candidate_;  // by edge
+  std::vector<CurveKind> kind_;                  // by edge; kCrease where none is known
   std::vector<Index> first_;                     // of each vertex the surface vertex, where something is marked
   std::vector<Vec3> normal_;                     // by facet
   std::vector<double> area_;
@@ -496,6 +502,22 @@ CurveGraph find_curves(const MeshView& mesh, const SurfaceEdges& edges, const Cu
 }
 
 }  // namespace detail
+
+const char* name_of(CurveKind kind) noexcept {
+  switch (kind) {
+    case CurveKind::kBorder:
+      return "border";
+    case CurveKind::kManySheets:
+      return "edge of many sheets";
+    case CurveKind::kLabels:
+      return "border of labels";
+    case CurveKind::kMarked:
+      return "marked";
+    case CurveKind::kCrease:
+      return "crease";
+  }
+  return "";
+}
 
 CurveGraph find_curves(const MeshView& mesh, const CurveOptions& options) {
   CurveOptions inner = options;

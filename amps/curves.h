@@ -25,6 +25,19 @@ struct CurveOptions {
   Execution execution;
 };
 
+/// Why an edge is part of a curve.
+enum class CurveKind {
+  kBorder,      ///< it has one facet
+  kManySheets,  ///< it has three facets or more
+  kLabels,      ///< its facets have different labels
+  kMarked,      ///< by the user
+  kCrease,
+};
+inline constexpr std::size_t kNumCurveKinds = 5;
+
+/// In words: "border", "edge of many sheets", "border of labels", "marked", "crease".
+const char* name_of(CurveKind kind) noexcept;
+
 /// A piece of a curve between two corners, or a loop.
 struct Curve {
   std::vector<Index> vertices;     ///< surface vertices, n + 1 of n edges; of a loop the first is there again at the end
@@ -32,7 +45,7 @@ struct Curve {
   std::vector<double> arc;         ///< length from the start at each vertex, n + 1; absolute
   bool closed = false;             ///< a loop without corner
   Index first_corner = kNone, last_corner = kNone;  ///< places in CurveGraph::corners; kNone if closed
-  bool border = false;                              ///< at least one of its edges is a border
+  CurveKind kind = CurveKind::kCrease;              ///< of its edges the first in the order of CurveKind; of an edge, too
   double length() const { return arc.back(); }
 };
 

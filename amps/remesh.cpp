@@ -3,6 +3,7 @@
 
 #include "amps/curve_sampling.h"
 #include "amps/disk_set.h"
+#include "amps/dual_star.h"
 #include "amps/mesh_edges.h"
 #include "amps/power_diagram.h"
 #include "amps/wanted_radii.h"
@@ -12,6 +13,8 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -19,14 +22,23 @@ namespace amps {
 namespace detail {
 namespace {
 
+/// Dual triangles and the facet of each.
+struct Dual {
+  Triangles triangles;
+  std::vector<Index> facets;
+};
+
 /// The dual mod 2: of dual triangles, least corner first, one for each triple of sites that is there an odd number of times.
 /// Where all facets at every edge are an even number, so are then the triangles at every edge. Of three or more the majority
-/// says how the one is oriented. Sorted by corners, so that nothing depends on the history of the diagram.
-Triangles odd_triples(const Triangles& triangles, Index num_sites, const Execution& execution) {
+/// says how the one is oriented, and it is on the least of their facets. Sorted by corners, so that nothing depends on the
+/// history of the diagram.
+Dual odd_triples(const Dual& dual, Index num_sites, const Execution& execution) {
+  const Triangles& triangles = dual.triangles;
   struct Keyed {
     std::array<Index, 2> others;  ///< the corners but the least, ascending
-    bool turned;                  ///< they were descending
-    bool operator<(const Keyed& b) const { return others < b.others; }
+    Index facet;
+    bool turned;  ///< they were descending
+    bool operator<(const Keyed& b) const { return std::tie(others, facet) < std::tie(b.others, b.facet); }
   };
   const auto n = static_cast<std::size_t>(triangles.rows());
   std::vector<std::size_t> begin(slot(num_sites) + 1, 0);  // of the triangles of each least corner, which is the first one
@@ -40,17 +52,19 @@ Triangles odd_triples(const Triangles& triangles, Index num_sites, const Executi
     for (std::size_t t = from; t < to; ++t) {
       const auto row = triangles.row(static_cast<std::ptrdiff_t>(t));
       Keyed& k = keyed[next[slot(row[0])]++];
-      k = {{std::min(row[1], row[2]), std::max(row[1], row[2])}, row[1] > row[2]};
+      k = {{std::min(row[1], row[2]), std::max(row[1], row[2])}, dual.facets[t], row[1] > row[2]};
     }
   });
-  std::vector<Index> corners;
+  std::vector<Index> corners, facets;
   corners.reserve(3 * n);
+  facets.reserve(n);
   for_each_piece(slot(num_sites), kElementsPerLook, execution.part(0.5, 1), [&](std::size_t from, std::size_t to) {
     for (std::size_t s = from; s < to; ++s) {
       std::sort(keyed.begin() + static_cast<std::ptrdiff_t>(begin[s]),
                 keyed.begin() + static_cast<std::ptrdiff_t>(begin[s + 1]));
       for (std::size_t k = begin[s]; k < begin[s + 1];) {
         const auto [low, high] = keyed[k].others;
+        const Index facet = keyed[k].facet;
         std::size_t count = 0, turned = 0;
         for (; k < begin[s + 1] && keyed[k].others == std::array<Index, 2>{low, high}; ++k) {
           ++count;
@@ -59,10 +73,11 @@ Triangles odd_triples(const Triangles& triangles, Index num_sites, const Executi
         if (count % 2 == 0) continue;
         const bool turn = 2 * turned > count;
         corners.insert(corners.end(), {static_cast<Index>(s), turn ? high : low, turn ? low : high});
+        facets.push_back(facet);
       }
     }
   });
-  return Triangles(std::move(corners));
+  return {Triangles(std::move(corners)), std::move(facets)};
 }
 
 /// Flips triangles so that manifold edges are traversed once in each direction, as far as the surface is orientable; per
@@ -112,12 +127,13 @@ void orient_consistently(Triangles& triangles, Index num_vertices, const Executi
 }
 
 /// `ids`: the sites, in the order of the result's vertices; empty: as they are.
-Triangles restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vector<Index>& ids,
-                               const Execution& execution) {
-  Triangles triangles = diagram.dual_triangles(nullptr, execution.part(0, 0.2));
+Dual restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vector<Index>& ids, const Execution& execution) {
+  Dual dual;
+  dual.triangles = diagram.dual_triangles(&dual.facets, execution.part(0, 0.2));
   if (!ids.empty()) {
     std::vector<Index> row(slot(diagram.num_sites()), kNone);
     for (std::size_t k = 0; k < ids.size(); ++k) row[slot(ids[k])] = static_cast<Index>(k);
+    Triangles& triangles = dual.triangles;
     Ticker ticker(execution.part(0.2, 0.3), static_cast<std::uint64_t>(triangles.rows()), kElementsPerLook);
     for (std::ptrdiff_t t = 0; t < triangles.rows(); ++t) {
       ticker.tick();
@@ -127,9 +143,9 @@ Triangles restricted_triangles(const RestrictedPowerDiagram& diagram, const std:
     }
   }
   const Index num_vertices = ids.empty() ? diagram.num_sites() : static_cast<Index>(ids.size());
-  triangles = odd_triples(triangles, num_vertices, execution.part(0.3, 0.5));
-  orient_consistently(triangles, num_vertices, execution.part(0.5, 1));
-  return triangles;
+  dual = odd_triples(dual, num_vertices, execution.part(0.3, 0.5));
+  orient_consistently(dual.triangles, num_vertices, execution.part(0.5, 1));
+  return dual;
 }
 
 /// The ends of the parts of remesh() in the range of progress.
@@ -177,12 +193,37 @@ TopologyCertificate certify(const MeshView& mesh, const SamplingSurface& surface
   return TopologyChecker(mesh, *surface.flood, execution.part(0, 0.3)).check(*run.diagram, samples, execution.part(0.3, 1));
 }
 
+/// The shapes of triangles beside curves and of those away from them. `asked`: bounds of angles, if any.
+void measure_beside_curves(const Mesh& mesh, const OptimizeReport& asked, const Execution& execution, CurveReport& report) {
+  std::vector<Index> beside, away;
+  for_each_piece(static_cast<std::size_t>(mesh.triangles.rows()), kElementsPerLook, execution.part(0, 0.2),
+                 [&](std::size_t begin, std::size_t end) {
+                   for (std::size_t t = begin; t < end; ++t) {
+                     const auto row = mesh.triangles.row(static_cast<std::ptrdiff_t>(t));
+                     std::vector<Index>& side = row.minCoeff() < report.samples ? beside : away;
+                     side.insert(side.end(), {row[0], row[1], row[2]});
+                     if (row.maxCoeff() >= report.samples || !(asked.max_angle > 0)) continue;
+                     AngleRange angles;
+                     angles.add(mesh.vertices.row(row[0]).transpose(), mesh.vertices.row(row[1]).transpose(),
+                                mesh.vertices.row(row[2]).transpose());
+                     if (angles.min_angle() < asked.min_angle || angles.max_angle() > asked.max_angle)
+                       ++report.forced_triangles;
+                   }
+                 });
+  const Triangles triangles_beside(std::move(beside)), triangles_away(std::move(away));
+  report.beside = quality({mesh.vertices, triangles_beside}, execution.part(0.2, 0.5));
+  report.away = quality({mesh.vertices, triangles_away}, execution.part(0.5, 1));
+}
+
 /// Measures the result, except what was measured on the way.
 void measure(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run, ConflictRule rule,
              const Execution& execution, RemeshResult& result) {
   result.report.input = surface_topology(mesh, execution.part(0, 0.05));
   result.report.output = topology(result.mesh, execution.part(0.05, 0.3));
-  result.report.quality = quality(result.mesh, execution.part(0.3, 0.45));
+  result.report.quality = quality(result.mesh, execution.part(0.3, 0.4));
+  if (run.curves != nullptr) {
+    measure_beside_curves(result.mesh, result.report.optimization, execution.part(0.4, 0.45), result.report.curves);
+  }
   if (surface.flood != nullptr) result.report.certificate = certify(mesh, surface, run, execution.part(0.45, 0.55));
   result.report.maximality =
       measure_maximality(*run.diagram, rule, execution.part(0.55, 1), run.disks->knows_surface() ? run.disks.get() : nullptr);
@@ -234,7 +275,10 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
   report.curves = static_cast<Index>(surface.curves->curves.size());
   report.corners = static_cast<Index>(surface.curves->corners.size());
   report.patches = surface.curves->num_patches;
-  for (const Curve& curve : surface.curves->curves) report.length += curve.length();
+  for (const Curve& curve : surface.curves->curves) {
+    report.length += curve.length();
+    ++report.curves_of[static_cast<std::size_t>(curve.kind)];
+  }
   report.samples = static_cast<Index>(run.curves->samples.size());
   report.deviation = run.curves->report.worst_sagitta;
   report.edges = static_cast<Index>(run.curves->edges.size());
@@ -265,6 +309,28 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
   report.edges_kept = static_cast<Index>(result.curve_edges.size());
 }
 
+/// On what of the surface each sample is; those on curves are the first ones.
+void name_places(const SamplingRun& run, SampleSet& samples) {
+  const auto n = slot(samples.size());
+  samples.dimensions.assign(n, 2);
+  samples.curves.assign(n, kNone);
+  samples.parameters.assign(n, 0);
+  if (run.curves == nullptr) return;
+  for (std::size_t s = 0; s < run.curves->samples.size(); ++s) {
+    const CurveSample& sample = run.curves->samples[s];
+    const bool at_corner = sample.corner != kNone;
+    samples.dimensions[s] = at_corner ? 0 : 1;
+    samples.curves[s] = at_corner ? sample.corner : sample.curve;
+    samples.parameters[s] = sample.parameter;
+  }
+}
+
+/// Is a count off by more than 2 %, and by more than one? `target` 0: any will do.
+bool misses(Index count, Index target) {
+  constexpr double kTolerance = 0.02;
+  return target > 0 && std::abs(count - target) > std::max(1.0, kTolerance * target);
+}
+
 /// remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
 void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, const Execution& execution,
                        const RemeshParts& parts, RemeshResult& result) {
@@ -283,6 +349,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   SamplingRun run = sample_with_diagram(mesh, sampling, surface_of_input);
   result.samples = std::move(run.result.samples);
   result.report.sampling = run.result.report;
+  if (surface_of_input.flood != nullptr) name_places(run, result.samples);
   if (run.result.status == Outcome::kCancelled) return;
 
   Stopwatch watch;
@@ -300,18 +367,27 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     surface.radius = result.report.sampling.radius;
     surface.num_fixed = result.report.sampling.curve_samples;
     result.report.optimization = optimize_diagram(*run.diagram, result.samples, surface, optimization, ids);
+    if (surface_of_input.flood != nullptr) name_places(run, result.samples);
     status = std::max(status, result.report.optimization.status);
     result.report.seconds_optimize = watch.lap();
     if (status == Outcome::kCancelled) return;
   }
   const Execution extracting = execution.part(parts.optimization, parts.extraction, "building the mesh");
-  Triangles triangles = restricted_triangles(*run.diagram, ids, extracting);
-  result.mesh = {result.samples.positions, std::move(triangles)};
+  Dual dual = restricted_triangles(*run.diagram, ids, extracting);
+  result.mesh = {result.samples.positions, std::move(dual.triangles)};
+  result.facets = std::move(dual.facets);
+  result.patches.assign(result.facets.size(), 0);
+  if (surface_of_input.curves != nullptr) {
+    const std::vector<Index>& patch_of_facet = surface_of_input.curves->patch_of_facet;
+    for (std::size_t t = 0; t < result.facets.size(); ++t) result.patches[t] = patch_of_facet[slot(result.facets[t])];
+  }
   report_curves(surface_of_input, run, result);
   result.report.seconds_remesh = watch.lap();
   measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.extraction, 1, "measuring the result"),
           result);
   result.report.seconds_report = watch.lap();
+  if (misses(result.samples.size(), options.sampling.target_count)) status = std::max(status, Outcome::kCountMissed);
+  if (!lost_shape(result.report).empty()) status = std::max(status, Outcome::kShapeChanged);
   result.status = status;
 }
 
@@ -322,9 +398,34 @@ Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, co
                               Neighborhood neighborhood) {
   const Execution run = execution.start();
   const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9));
-  Mesh result{samples.positions, detail::restricted_triangles(set.diagram, {}, run.part(0.9, 1, "listing triangles"))};
+  Mesh result{samples.positions,
+              detail::restricted_triangles(set.diagram, {}, run.part(0.9, 1, "listing triangles")).triangles};
   run.finish();
   return result;
+}
+
+std::string lost_shape(const RemeshReport& report) {
+  const TopologyReport &in = report.input, &out = report.output;
+  const char* const remedy = "; take a smaller radius or more vertices";
+  if (out.facets == 0) return std::string("nothing of the shape is left: the result has no triangle") + remedy;
+  const bool knows_surface = report.certificate.cells > 0;
+  std::string lost;
+  const auto differs = [&lost](const char* what, Index before, Index after) {
+    if (before == after) return;
+    lost += (lost.empty() ? "" : ", ") + std::string(what) + " " + std::to_string(before) + " -> " + std::to_string(after);
+  };
+  if (knows_surface && !report.certificate.holds()) {
+    differs("components", in.components, out.components);
+    differs("Euler characteristic", in.euler_characteristic, out.euler_characteristic);
+    differs("boundary loops", in.boundary_loops, out.boundary_loops);
+    if (in.non_manifold_edges == 0) differs("non-manifold edges", 0, out.non_manifold_edges);
+  }
+  if (report.curves.edges_kept < report.curves.edges) {
+    const Index edges = report.curves.edges - report.curves.edges_kept;
+    lost += (lost.empty() ? "" : ", ") + std::to_string(edges) + " of " + std::to_string(report.curves.edges) +
+            " edges along curves are not in the result";
+  }
+  return lost.empty() ? lost : "the shape has changed: " + lost + remedy;
 }
 
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {

@@ -25,6 +25,7 @@
 
 #include <array>
 #include <iosfwd>
+#include <string>
 #include <vector>
 
 namespace amps {
@@ -49,6 +50,10 @@ struct CurveReport {
   Index edges_kept = 0;  ///< of these, edges of the result of as many triangles as the curve has facets; mostly all
   double length = 0;     ///< of all curves, absolute units
   double deviation = 0;  ///< the farthest that a curve is from the edges of its samples, absolute units
+  std::array<Index, kNumCurveKinds> curves_of{};  ///< by kind
+  Index forced_triangles = 0;  ///< of three vertices on curves, with an angle out of the bounds: what curves leave no choice in
+  QualityReport beside;        ///< of the triangles with a vertex on a curve
+  QualityReport away;          ///< of the others
 };
 
 struct RemeshReport {
@@ -68,13 +73,23 @@ struct RemeshReport {
 };
 
 struct RemeshResult {
-  Mesh mesh;          ///< vertices are the samples, in order: row i of mesh.vertices is row i of samples.positions
-  SampleSet samples;  ///< facet and barycentric coordinates per output vertex
+  Mesh mesh;                  ///< vertices are the samples, in order: row i of mesh.vertices is row i of samples.positions
+  SampleSet samples;          ///< facet and barycentric coordinates per output vertex
+  std::vector<Index> facets;  ///< by triangle: a facet of the input on which its three cells meet
+  std::vector<Index>
+      patches;  ///< by triangle: that facet's patch (CurveGraph::patch_of_facet); all 0 where there are no curves
   /// Pairs of vertices along the curves that were kept, #E; curve by curve.
   std::vector<std::array<Index, 2>> curve_edges;
   RemeshReport report;
-  Outcome status = Outcome::kDone;  ///< the worse of those of sampling and optimisation
+  /// The worst of those of sampling and optimisation, of kShapeChanged (lost_shape()), and of kCountMissed: another number
+  /// of samples than asked for, by more than 2 % and more than one.
+  Outcome status = Outcome::kDone;
 };
+
+/// What the result lacks of the shape of the surface, and what to do, in one line; empty if that is nothing: if the certificate
+/// holds, or components, Euler characteristic, boundary loops and edges of many facets are as many as before, and all edges of
+/// curves are kept. Where disks are balls, which join what is near, only an empty result counts.
+std::string lost_shape(const RemeshReport& report);
 
 /// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and
 /// optimize(); cost about twice that of sample(), with the default bounds. Cancelled, it has the best samples so far, a vertex

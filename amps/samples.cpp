@@ -37,6 +37,12 @@ void require_sample_set(const SampleSet& samples) {
                                                  std::to_string(samples.barycentrics.rows()) +
                                                  " barycentrics; give one of each a sample, or neither");
   }
+  for (const std::size_t size : {samples.dimensions.size(), samples.curves.size(), samples.parameters.size()}) {
+    if (size == samples.dimensions.size() && (size == 0 || size == slot(samples.size()))) continue;
+    throw Error(ErrorCode::kInvalidArgument, "samples: " + std::to_string(samples.positions.rows()) + " positions with " +
+                                                 std::to_string(size) +
+                                                 " dimensions, curves or parameters; give one of each a sample, or none");
+  }
   for (Index s = 0; s < samples.size(); ++s) {
     if (!samples.positions.row(s).allFinite() || !(samples.radii[slot(s)] > 0) || !std::isfinite(samples.radii[slot(s)])) {
       throw Error(ErrorCode::kInvalidArgument, "samples: sample " + std::to_string(s) +
@@ -102,7 +108,12 @@ Sample GrowingSet::operator[](Index s) const {
 }
 
 SampleSet GrowingSet::finish() {
-  return {Points(std::move(positions_)), std::move(radii_), std::move(facets_), Points(std::move(barycentrics_))};
+  SampleSet result;
+  result.positions = Points(std::move(positions_));
+  result.radii = std::move(radii_);
+  result.facets = std::move(facets_);
+  result.barycentrics = Points(std::move(barycentrics_));
+  return result;
 }
 
 }  // namespace amps::detail

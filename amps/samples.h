@@ -8,6 +8,7 @@
 #include "amps/mesh.h"
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace amps {
@@ -22,6 +23,11 @@ struct SampleSet {
   std::vector<double> radii;  ///< #S, > 0
   std::vector<Index> facets;  ///< #S or empty
   Points barycentrics;        ///< #S by 3 or empty; rows are non-negative and sum to 1 (to rounding)
+  /// On what of the surface each sample was placed: #S each, of the sets of remesh() where disks know their surface; else
+  /// empty.
+  std::vector<std::uint8_t> dimensions = {};  ///< 0: on a corner; 1: on a curve; 2: on a facet
+  std::vector<Index> curves = {};             ///< in CurveGraph::corners, or CurveGraph::curves; kNone on a facet
+  std::vector<double> parameters = {};        ///< length along the curve from its start, absolute units; else 0
   Index size() const { return static_cast<Index>(positions.rows()); }
 };
 

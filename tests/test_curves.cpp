@@ -129,7 +129,7 @@ TEST_CASE("curves: rims of a tube are closed loops, as borders and as creases") 
       CHECK(graph.num_patches == (lids ? 3 : 1));
       for (const Curve& curve : graph.curves) {
         CHECK(curve.closed);
-        CHECK(curve.border == !lids);
+        CHECK((curve.kind == CurveKind::kBorder) == !lids);
         CHECK(curve.vertices.front() == curve.vertices.back());
         CHECK(curve.edges.size() == 64);
       }
