@@ -367,22 +367,22 @@ VertexFit::VertexFit(const MeshView& input, const MeshView& mesh, const FitOptio
       surface_(mesh, run.part(0.02, 0.06)),
       first_(first_equal_vertices(mesh, run.part(0.06, 0.07))),
       triangles_(surface_triangles(surface_, run.part(0.07, 0.08))),
-      start_(points_as_vectors(scaled_points(mesh.vertices, scale_, run.part(0.08, 0.09)), run)),
+      start_(points_as_vectors(scaled_points(mesh.vertices, scale_, run.part(0.08, 0.085)), run.part(0.085, 0.09))),
       at_(start_),
       elements_(triangles_, start_.size(), run.part(0.09, 0.12)),
       bounds_(triangles_, start_, options, scale_, run.part(0.12, 0.14)),
       curves_(curves_to_fit(input, input_vertices_, surface_, first_, options, run.part(0.14, 0.18))),
       tree_(input_, run.part(0.18, 0.26)),
-      input_normals_(points_as_vectors(facet_normals(input_, run.part(0.26, 0.27)), run)),
+      input_normals_(points_as_vectors(facet_normals(input_, run.part(0.26, 0.265)), run.part(0.265, 0.27))),
       held_back_(start_.size(), 0) {
-  if (!curves_.edges.empty()) curve_tree_ = std::make_unique<const SurfaceTree>(curves_.input, run);
+  if (!curves_.edges.empty()) curve_tree_ = std::make_unique<const SurfaceTree>(curves_.input, run.part(0.27, 0.28));
   const double sum = ordered_sum(triangles_.size(), run, [&](std::size_t f) {
     const FitCorners x = corners(f);
     return (x[1] - x[0]).norm() + (x[2] - x[1]).norm() + (x[0] - x[2]).norm();
   });
   length_ = sum / static_cast<double>(3 * std::max(std::size_t{1}, triangles_.size()));
   compute_normals();
-  orient(run.part(0.27, 0.3));
+  orient(run.part(0.28, 0.3));
   // Seven points of the input a triangle: more bring nothing.
   constexpr double kSpacing = 0.35;
   const double spacing = kSpacing * length_;
@@ -410,13 +410,13 @@ void VertexFit::compute_normals() {
 
 /// Facets of the input may be flipped; where two of a triangle's corners lie, they say what is right there.
 void VertexFit::orient(const Execution& run) {
-  const std::vector<SurfaceHit> hits = tree_.nearest_all(PointsView(start_), run);
+  const std::vector<SurfaceHit> hits = tree_.nearest_all(PointsView(start_), run.part(0, 0.9));
   const auto sense_at = [&](Index v) {
     const double dot = input_normals_[slot(hits[slot(v)].point.facet)].dot(normals_[slot(v)]);
     return (dot > 0) - (dot < 0);
   };
   sense_.assign(triangles_.size(), 0);
-  for_each_index(triangles_.size(), run_, [&](std::size_t f) {
+  for_each_index(triangles_.size(), run.part(0.9, 1), [&](std::size_t f) {
     const std::array<Index, 3>& t = triangles_[f];
     const int sum = sense_at(t[0]) + sense_at(t[1]) + sense_at(t[2]);
     sense_[f] = static_cast<std::int8_t>((sum > 0) - (sum < 0));
@@ -688,8 +688,12 @@ Points VertexFit::fit(const MeshView& mesh, FitReport& report) {
   report.rms_before = std::sqrt(residual.mean_square) / scale_;
   report.max_before = residual.max / scale_;
   const int rounds = fit_ == Fit::kNormal ? 1 : kFreeRounds;
+  double done = 0.4;
   for (int round = 0; round < rounds; ++round) {
-    const Execution run = run_.part(0.4 + 0.6 * round / rounds, 0.4 + 0.6 * (round + 1) / rounds);
+    constexpr double kShareOfRest = 0.4;  // each round may be the last
+    const double until = fit_ == Fit::kNormal ? 1 : done + kShareOfRest * (1 - done);
+    const Execution run = run_.part(done, until);
+    done = until;
     const std::vector<Vec3> moves = moves_of(samples, run.part(0, 0.3));
     const Residual before = residual;
     std::vector<std::uint8_t> shares(at_.size(), 0);
@@ -738,8 +742,7 @@ void require_fit_options(const MeshView& input, const MeshView& mesh, const FitO
     refuse_fit("max_angle is " + number_text(options.max_angle) + " degrees; give 0 or one in [60, 180]");
   }
   for (const double length : {options.min_edge, options.max_edge}) {
-    if (!(length >= 0 && std::isfinite(length)))
-      refuse_fit("a bound of edges is " + number_text(length) + "; give 0 or a length");
+    if (!(length >= 0)) refuse_fit("a bound of edges is " + number_text(length) + "; give 0 or a length");
   }
   if (options.max_edge > 0 && options.min_edge > options.max_edge) {
     refuse_fit("min_edge is " + number_text(options.min_edge) + ", above max_edge, " + number_text(options.max_edge));
@@ -771,15 +774,17 @@ const char* name_of(Fit fit) noexcept {
 Points fit_vertices(const MeshView& input, const MeshView& mesh, const FitOptions& options, FitReport* report) {
   const Execution job = options.execution.start("fitting vertices");
   detail::Stopwatch watch;
-  require_usable(input, job);
-  require_usable(mesh, job);
   detail::require_fit_options(input, mesh, options);
+  constexpr double kChecks = 0.02;
+  require_usable(input, job.part(0, kChecks / 2));
+  require_usable(mesh, job.part(kChecks / 2, kChecks));
+  const Execution run = job.part(kChecks, 1);
   FitReport result;
   Points vertices;
   if (options.fit == Fit::kOff) {
-    vertices = detail::scaled_points(mesh.vertices, 1, job);
+    vertices = detail::scaled_points(mesh.vertices, 1, run);
   } else {
-    vertices = detail::VertexFit(input, mesh, options, job).fit(mesh, result);
+    vertices = detail::VertexFit(input, mesh, options, run).fit(mesh, result);
   }
   result.seconds = watch.lap();
   if (report != nullptr) *report = result;

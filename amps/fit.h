@@ -43,8 +43,9 @@ struct FitOptions {
   std::vector<std::array<Index, 2>> input_curve_edges;
   /// Further vertices that stay, such as corners.
   std::vector<Index> fixed;
-  /// Bounds that hold for what kept them before, angles in degrees and edges in absolute units; 0: the least and the greatest
-  /// there were. A triangle or an edge beyond a bound gets no worse than it was.
+  /// Bounds for what keeps them before, angles in degrees and edges in absolute units; 0: the least and the greatest there are,
+  /// as max_edge infinity: none. A triangle or an edge that is beyond a bound gets no worse than it was. Where all edges are of
+  /// about one length, a max_edge of 0 leaves no room.
   double min_angle = 0, max_angle = 0;
   double min_edge = 0, max_edge = 0;
   /// Threads, progress and cancelling. The result does not depend on the threads.
