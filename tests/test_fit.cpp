@@ -239,6 +239,24 @@ TEST_CASE("fit: creases and corners stay, where faces beside them move") {
   }
 }
 
+TEST_CASE("fit: vertices that are named and ends of curves stay to the bit") {
+  const Mesh input = amps::make_sphere(5120), mesh = amps::make_sphere(320);
+  const Index a = mesh.triangles(100, 0), b = mesh.triangles(100, 1);
+  for (const Fit fit : kKinds) {
+    FitOptions options = loose_options(fit);
+    const auto stay = [&](Index v) { return vertex(fit_vertices(input, mesh, options), v) == vertex(mesh.vertices, v); };
+    CHECK(!stay(a));
+    options.fixed = {a};
+    CHECK(stay(a));
+    CHECK(!stay(b));
+    options.fixed.clear();
+    options.curve_edges = {{a, b}};
+    options.input_curve_edges = {{0, 1}, {1, 2}};
+    CHECK(stay(a));
+    CHECK(stay(b));
+  }
+}
+
 TEST_CASE("fit: a border comes nearer to the input's border, and stays in its plane") {
   const Mesh input = half_sphere(20000);
   const Mesh mesh = remeshed(input, 400).mesh;
