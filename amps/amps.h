@@ -63,9 +63,10 @@
 //   curve_sampling.h  (internal) samples on corners and along curves
 //   gaps.h           (internal) the uncovered part of a fragment: area, primitives, uniform points in it
 //   gap_filling.h    (internal) fills gaps, for whoever has a set
-//   sampling.h       darts, then gap filling
-//   maximality.h     the certificate that a set is maximal; its gaps
 //   topology_certificate.h  does the dual have the topology of the surface, curves included
+//   topology_refinement.h   (internal) smaller radii where it has not
+//   sampling.h       darts, then gap filling; smaller radii where the topology asks for them
+//   maximality.h     the certificate that a set is maximal; its gaps
 //   dual_star.h      (internal) the dual triangles around a sample, and how bad they are
 //   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
 //   refill.h         (internal) finding refills that improve what is bad
@@ -99,9 +100,9 @@
 #include "amps/power_diagram.h"
 #include "amps/sizing.h"
 #include "amps/curves.h"
+#include "amps/topology_certificate.h"
 #include "amps/sampling.h"
 #include "amps/maximality.h"
-#include "amps/topology_certificate.h"
 #include "amps/optimize.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"

@@ -68,16 +68,19 @@ std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWrite
                         const Execution& execution = {});
 
 /// Reads a sample set. .xyzr: four numbers a line; blank lines and `#` comments are skipped. .csv: a header line naming the
-/// columns x, y, z, radius (or r) and, optionally, facet, b0, b1, b2 in any order; other columns are skipped. .ply: vertex
-/// properties of these names. Facets and barycentrics are filled if all four columns are there and left empty otherwise.
-/// Throws as read_mesh, and kFileFormat for a radius that is not > 0, a facet that is not an index, a file with no sample.
+/// columns x, y, z, radius (or r) and, optionally, facet, b0, b1, b2 and dimension, curve, parameter, in any order; other
+/// columns are skipped. .ply: vertex properties of these names. Facets and barycentrics are filled if all four columns are
+/// there and left empty otherwise; so are dimensions, curves and parameters if all three are.
+/// Throws as read_mesh, and kFileFormat for a radius that is not > 0, a facet that is not an index, a file with no sample,
+/// a place on the curves that SampleSet does not know: a dimension other than 0, 1, 2, a curve that is not an index (−1 for
+/// dimension 2), a parameter < 0, or one other than 0 off the curves.
 SampleSet read_samples(const std::filesystem::path& path, const Execution& execution = {});
 SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name = "memory",
                         const Execution& execution = {});
 
-/// Writes a sample set so that reading it gives the same bits; .ply (binary) and .csv carry facets and barycentrics if present,
-/// .xyzr never. Files are replaced as by write_mesh. Throws as write_mesh, and kInvalidArgument for a set that is empty, whose
-/// arrays differ in length, or with a value read_samples would refuse.
+/// Writes a sample set so that reading it gives the same bits; .ply (binary) and .csv carry facets and barycentrics, and
+/// dimensions, curves and parameters, if present; .xyzr never. Files are replaced as by write_mesh. Throws as write_mesh, and
+/// kInvalidArgument for a set that is empty, whose arrays differ in length, or with a value read_samples would refuse.
 void write_samples(const std::filesystem::path& path, const SampleSet& samples, const Execution& execution = {});
 std::string format_samples(const SampleSet& samples, SampleFormat format, const Execution& execution = {});
 

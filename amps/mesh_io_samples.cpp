@@ -5,6 +5,7 @@
 #include "amps/ply.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -15,66 +16,123 @@ namespace amps {
 namespace detail {
 namespace {
 
-// Columns of a sample file, in the order amps writes them.
-const std::vector<std::string> kSampleColumns = {"x", "y", "z", "radius", "facet", "b0", "b1", "b2"};
+// Columns of a sample file, in the order amps writes them: those of all sets, of sets that know their place on the mesh, and of
+// sets that know their place among its curves.
+const std::vector<std::string> kSampleColumns = {"x",  "y",  "z",         "radius", "facet",    "b0",
+                                                 "b1", "b2", "dimension", "curve",  "parameter"};
+constexpr std::size_t kRadiusColumn = 3, kFacetColumn = 4, kDimensionColumn = 8, kCurveColumn = 9, kParameterColumn = 10;
+constexpr std::size_t kAllColumns = 11;
 
-// Collects rows of `columns` values (4, or 8 with the place on the mesh) and checks them.
-struct SampleBuilder {
-  std::vector<double> values;
-  std::size_t columns = 4;
+// A value for each column; 0 in those that a set does not have.
+using SampleRow = std::array<double, kAllColumns>;
 
-  // What is wrong with a row, or nullptr.
-  static const char* trouble(const double* row, std::size_t columns) {
-    if (!all_finite(row)) return "a coordinate is NaN or infinite; correct or remove the sample";
-    if (!(row[3] > 0) || !std::isfinite(row[3]))
-      return "the radius is not a positive, finite number; correct or remove the sample";
-    if (columns == 4) return nullptr;
-    const bool facet_ok = row[4] >= 0 && row[4] <= std::numeric_limits<Index>::max() && row[4] == std::floor(row[4]);
-    if (!facet_ok) return "the facet is not an index; correct it, or remove the columns facet, b0, b1 and b2";
-    return all_finite(row + 5) ? nullptr : "a barycentric coordinate is NaN or infinite; correct or remove the sample";
-  }
+// Which columns a set has.
+struct ColumnsOfSet {
+  bool placed = false;     // facet, b0, b1, b2
+  bool on_curves = false;  // dimension, curve, parameter
 
-  SampleSet finish(const IoSource& source, const Execution& run) const {
-    const std::size_t n = values.size() / columns;
-    if (n == 0) source.fail("it holds no sample; give at least one");
-    if (n > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
-      source.fail("more than 2^31 - 1 samples; cut it into parts", ErrorCode::kTooLarge);
-    }
-    SampleSet samples;
-    samples.positions.resize(static_cast<std::ptrdiff_t>(n));
-    if (columns == 8) samples.barycentrics.resize(static_cast<std::ptrdiff_t>(n));
-    samples.radii.reserve(n);
-    if (columns == 8) samples.facets.reserve(n);
-    Ticker ticker(run, n, kRowsPerLook);
-    for (std::size_t i = 0; i < n; ++i) {
-      ticker.tick();
-      const double* const row = values.data() + columns * i;
-      std::copy_n(row, 3, samples.positions.data() + 3 * i);
-      samples.radii.push_back(row[3]);
-      if (columns == 8) {
-        samples.facets.push_back(static_cast<Index>(row[4]));
-        std::copy_n(row + 5, 3, samples.barycentrics.data() + 3 * i);
-      }
-    }
-    return samples;
+  bool operator[](std::size_t column) const {
+    return column < kFacetColumn || (column < kDimensionColumn ? placed : on_curves);
   }
 };
 
-SampleBuilder parse_xyzr(const IoSource& source) {
+// Those of a file: of a group all columns, or it counts as missing. `has`: is this column there?
+template <class Has>
+ColumnsOfSet columns_of_file(const Has& has) {
+  ColumnsOfSet columns = {true, true};
+  for (std::size_t k = kFacetColumn; k < kDimensionColumn; ++k) columns.placed = columns.placed && has(k);
+  for (std::size_t k = kDimensionColumn; k < kAllColumns; ++k) columns.on_curves = columns.on_curves && has(k);
+  return columns;
+}
+
+bool is_index_value(double value) {
+  return value >= 0 && value <= std::numeric_limits<Index>::max() && value == std::floor(value);
+}
+
+// What is wrong with the place of a sample among the curves, or nullptr.
+const char* trouble_on_curves(double dimension, double curve, double parameter) {
+  if (dimension != 0 && dimension != 1 && dimension != 2) {
+    return "the dimension is not 0 (on a corner), 1 (on a curve) or 2 (on a facet); correct it, or remove the columns "
+           "dimension, curve and parameter";
+  }
+  if (dimension == 2 ? curve != kNone : !is_index_value(curve)) {
+    return dimension == 2 ? "a sample of dimension 2 is on no curve; write -1 for the curve, or correct the dimension"
+                          : "the number of the curve or corner is not an index; correct it, or remove the columns dimension, "
+                            "curve and parameter";
+  }
+  if (!(parameter >= 0) || !std::isfinite(parameter)) {
+    return "the parameter is not a length along a curve: finite, not negative; correct it, or remove the columns dimension, "
+           "curve and parameter";
+  }
+  if (dimension != 1 && parameter != 0) {
+    return "a sample that is on no curve has a parameter along one; write 0, or correct the dimension";
+  }
+  return nullptr;
+}
+
+// What is wrong with a row, or nullptr.
+const char* trouble_with(const SampleRow& row, const ColumnsOfSet& columns) {
+  if (!all_finite(row.data())) return "a coordinate is NaN or infinite; correct or remove the sample";
+  if (!(row[kRadiusColumn] > 0) || !std::isfinite(row[kRadiusColumn]))
+    return "the radius is not a positive, finite number; correct or remove the sample";
+  if (columns.placed && !is_index_value(row[kFacetColumn]))
+    return "the facet is not an index; correct it, or remove the columns facet, b0, b1 and b2";
+  if (columns.placed && !all_finite(row.data() + kFacetColumn + 1))
+    return "a barycentric coordinate is NaN or infinite; correct or remove the sample";
+  return columns.on_curves ? trouble_on_curves(row[kDimensionColumn], row[kCurveColumn], row[kParameterColumn]) : nullptr;
+}
+
+// Collects the rows of a set, each without trouble.
+class SampleBuilder {
+ public:
+  explicit SampleBuilder(const ColumnsOfSet& columns = {}) : columns_(columns) {}
+
+  void add(const SampleRow& row) {
+    coordinates_.insert(coordinates_.end(), row.begin(), row.begin() + kRadiusColumn);
+    set_.radii.push_back(row[kRadiusColumn]);
+    if (columns_.placed) {
+      set_.facets.push_back(static_cast<Index>(row[kFacetColumn]));
+      barycentrics_.insert(barycentrics_.end(), row.begin() + kFacetColumn + 1, row.begin() + kDimensionColumn);
+    }
+    if (columns_.on_curves) {
+      set_.dimensions.push_back(static_cast<std::uint8_t>(row[kDimensionColumn]));
+      set_.curves.push_back(static_cast<Index>(row[kCurveColumn]));
+      set_.parameters.push_back(row[kParameterColumn]);
+    }
+  }
+
+  /// The set; the builder is empty then.
+  SampleSet finish(const IoSource& source) {
+    if (set_.radii.empty()) source.fail("it holds no sample; give at least one");
+    if (set_.radii.size() > static_cast<std::size_t>(std::numeric_limits<Index>::max())) {
+      source.fail("more than 2^31 - 1 samples; cut it into parts", ErrorCode::kTooLarge);
+    }
+    set_.positions = Points(std::move(coordinates_));
+    set_.barycentrics = Points(std::move(barycentrics_));
+    return std::move(set_);
+  }
+
+ private:
+  ColumnsOfSet columns_;
+  std::vector<double> coordinates_, barycentrics_;
+  SampleSet set_;
+};
+
+SampleSet parse_xyzr(const IoSource& source) {
   TextCursor text(source);
   SampleBuilder builder;
   while (text.next_content()) {
     const char* const line = text.p;
-    double row[4];
-    const int found = text.numbers(row, 4);
+    SampleRow row{};
+    const int found = text.numbers(row.data(), 4);
     if (found < 4 || text.more_on_line()) {
       source.fail_line(line, "expected 4 numbers \"x y z r\", found " + (found < 4 ? std::to_string(found) : "more") +
                                  cut_short_or_not("a file of samples"));
     }
-    if (const char* const what = SampleBuilder::trouble(row, 4)) source.fail_line(line, what);
-    builder.values.insert(builder.values.end(), row, row + 4);
+    if (const char* const what = trouble_with(row, {})) source.fail_line(line, what);
+    builder.add(row);
   }
-  return builder;
+  return builder.finish(source);
 }
 
 // The fields of a CSV line, blanks and quotes around them removed.
@@ -93,7 +151,7 @@ void split_csv(std::string_view line, std::vector<std::string_view>& fields) {
   }
 }
 
-SampleBuilder parse_csv_samples(const IoSource& source) {
+SampleSet parse_csv_samples(const IoSource& source) {
   TextCursor text(source);
   std::vector<std::string_view> fields;
   const auto next_fields = [&] {
@@ -105,21 +163,19 @@ SampleBuilder parse_csv_samples(const IoSource& source) {
   };
   if (!next_fields()) source.fail("it is empty; a CSV file of samples starts with x,y,z,radius");
   constexpr std::size_t missing = static_cast<std::size_t>(-1);
-  std::array<std::size_t, 8> field_of{};
+  std::array<std::size_t, kAllColumns> field_of{};
   field_of.fill(missing);
   for (std::size_t i = 0; i < fields.size(); ++i) {
     for (std::size_t k = 0; k < field_of.size(); ++k) {
-      const bool match = equal_ignoring_case(fields[i], kSampleColumns[k]) || (k == 3 && equal_ignoring_case(fields[i], "r"));
+      const bool match =
+          equal_ignoring_case(fields[i], kSampleColumns[k]) || (k == kRadiusColumn && equal_ignoring_case(fields[i], "r"));
       if (match && field_of[k] == missing) field_of[k] = i;
     }
   }
-  const auto has = [&](std::size_t from, std::size_t to) {
-    return std::count(field_of.begin() + static_cast<std::ptrdiff_t>(from), field_of.begin() + static_cast<std::ptrdiff_t>(to),
-                      missing) == 0;
-  };
-  if (!has(0, 4)) source.fail_line(fields[0].data(), "expected a header naming x, y, z and radius; add it");
-  SampleBuilder builder;
-  builder.columns = has(4, 8) ? 8 : 4;
+  if (std::count(field_of.begin(), field_of.begin() + kFacetColumn, missing) != 0)
+    source.fail_line(fields[0].data(), "expected a header naming x, y, z and radius; add it");
+  const ColumnsOfSet columns = columns_of_file([&](std::size_t k) { return field_of[k] != missing; });
+  SampleBuilder builder(columns);
   const std::size_t width = fields.size();
   while (next_fields()) {
     const char* const line = fields[0].data();
@@ -127,67 +183,102 @@ SampleBuilder parse_csv_samples(const IoSource& source) {
       source.fail_line(line, "expected " + std::to_string(width) + " fields, found " + std::to_string(fields.size()) +
                                  cut_short_or_not("a CSV file of samples"));
     }
-    double row[8];
-    for (std::size_t k = 0; k < builder.columns; ++k) {
+    SampleRow row{};
+    for (std::size_t k = 0; k < kAllColumns; ++k) {
+      if (!columns[k]) continue;
       const std::string_view field = fields[field_of[k]];
       if (!parse_double(field.data(), field.data() + field.size(), row[k])) {
         source.fail_line(line, "expected a number, found \"" + TextCursor::shown(field) + "\"; correct or remove the line");
       }
     }
-    if (const char* const what = SampleBuilder::trouble(row, builder.columns)) source.fail_line(line, what);
-    builder.values.insert(builder.values.end(), row, row + builder.columns);
+    if (const char* const what = trouble_with(row, columns)) source.fail_line(line, what);
+    builder.add(row);
   }
-  return builder;
+  return builder.finish(source);
 }
 
-SampleBuilder parse_ply_samples(const IoSource& source) {
-  const IoSource reading{source.data, source.name, source.run.part(0, 0.5)};
+SampleSet parse_ply_samples(const IoSource& source) {
+  const IoSource reading{source.data, source.name, source.run.part(0, 0.7)};
   PlyReader reader(reading);
   const PlyContent content = reader.read(kSampleColumns);
-  const auto has = [&](std::size_t from, std::size_t to) {
-    return std::count(content.found.begin() + static_cast<std::ptrdiff_t>(from),
-                      content.found.begin() + static_cast<std::ptrdiff_t>(to), false) == 0;
-  };
-  if (!has(0, 4)) source.fail("its vertices have no x, y, z and radius; it is not a file of samples");
-  SampleBuilder builder;
-  builder.columns = has(4, 8) ? 8 : 4;
-  builder.values.reserve(content.at.size() * builder.columns);
-  Ticker ticker(source.run.part(0.5, 1), content.at.size(), kRowsPerLook);
+  if (std::count(content.found.begin(), content.found.begin() + kFacetColumn, false) != 0)
+    source.fail("its vertices have no x, y, z and radius; it is not a file of samples");
+  const ColumnsOfSet columns = columns_of_file([&](std::size_t k) { return content.found[k]; });
+  SampleBuilder builder(columns);
+  Ticker ticker(source.run.part(0.7, 1), content.at.size(), kRowsPerLook);
   for (std::size_t i = 0; i < content.at.size(); ++i) {
     ticker.tick();
-    const double* const row = content.values.data() + 8 * i;
-    if (const char* const what = SampleBuilder::trouble(row, builder.columns)) reader.fail(content.at[i], what);
-    builder.values.insert(builder.values.end(), row, row + builder.columns);
+    SampleRow row;
+    std::copy_n(content.values.data() + kAllColumns * i, kAllColumns, row.begin());
+    if (const char* const what = trouble_with(row, columns)) reader.fail(content.at[i], what);
+    builder.add(row);
   }
-  return builder;
+  return builder.finish(source);
 }
 
-// The set as rows of 4 or 8 values; throws if it is not one read_samples would accept.
-SampleBuilder sample_rows(const SampleSet& samples, bool with_place, const Execution& run) {
-  const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "samples: " + what); };
+[[noreturn]] void fail_to_write(const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "samples: " + what); }
+
+// The columns of a set; throws if it is empty or its arrays differ in length.
+ColumnsOfSet columns_of(const SampleSet& samples) {
   const auto n = static_cast<std::size_t>(samples.positions.rows());
-  const bool has_place = !samples.facets.empty();
-  if (n == 0) fail("the set is empty; there is nothing to write");
-  if (samples.radii.size() != n || (has_place && samples.facets.size() != n) ||
-      static_cast<std::size_t>(samples.barycentrics.rows()) != (has_place ? n : 0)) {
-    fail("positions, radii, facets and barycentrics differ in length; give one of each per sample");
+  const ColumnsOfSet columns = {!samples.facets.empty(), !samples.dimensions.empty()};
+  if (n == 0) fail_to_write("the set is empty; there is nothing to write");
+  const std::size_t places = columns.placed ? n : 0, on_curves = columns.on_curves ? n : 0;
+  if (samples.radii.size() != n || samples.facets.size() != places ||
+      static_cast<std::size_t>(samples.barycentrics.rows()) != places) {
+    fail_to_write("positions, radii, facets and barycentrics differ in length; give one of each per sample");
   }
-  SampleBuilder rows;
-  rows.columns = with_place && has_place ? 8 : 4;
-  rows.values.reserve(n * rows.columns);
-  Ticker ticker(run, n, kRowsPerLook);
-  for (std::size_t i = 0; i < n; ++i) {
-    ticker.tick();
-    const auto r = static_cast<std::ptrdiff_t>(i);
-    double row[8] = {samples.positions(r, 0), samples.positions(r, 1), samples.positions(r, 2), samples.radii[i]};
-    if (rows.columns == 8) {
-      row[4] = samples.facets[i];
-      for (int k = 0; k < 3; ++k) row[5 + k] = samples.barycentrics(r, k);
+  if (samples.dimensions.size() != on_curves || samples.curves.size() != on_curves || samples.parameters.size() != on_curves)
+    fail_to_write("dimensions, curves and parameters are not one of each per sample; give all of them, or none");
+  return columns;
+}
+
+SampleRow row_of(const SampleSet& samples, const ColumnsOfSet& columns, std::size_t i) {
+  const auto r = static_cast<std::ptrdiff_t>(i);
+  SampleRow row{};
+  for (int k = 0; k < 3; ++k) row[static_cast<std::size_t>(k)] = samples.positions(r, k);
+  row[kRadiusColumn] = samples.radii[i];
+  if (columns.placed) {
+    row[kFacetColumn] = samples.facets[i];
+    for (int k = 0; k < 3; ++k) row[kFacetColumn + 1 + static_cast<std::size_t>(k)] = samples.barycentrics(r, k);
+  }
+  if (columns.on_curves) {
+    row[kDimensionColumn] = samples.dimensions[i];
+    row[kCurveColumn] = samples.curves[i];
+    row[kParameterColumn] = samples.parameters[i];
+  }
+  return row;
+}
+
+const char* ply_type_of(std::size_t column) {
+  if (column == kDimensionColumn) return "uchar";
+  return column == kFacetColumn || column == kCurveColumn ? "int" : "double";
+}
+
+void append_ply_row(std::string& out, const SampleRow& row, const ColumnsOfSet& columns) {
+  for (std::size_t k = 0; k < kAllColumns; ++k) {
+    if (!columns[k]) continue;
+    if (k == kDimensionColumn) {
+      append_little_endian<std::uint8_t>(out, static_cast<std::uint8_t>(row[k]));
+    } else if (k == kFacetColumn || k == kCurveColumn) {
+      append_little_endian<std::uint32_t>(out, static_cast<Index>(row[k]));
+    } else {
+      append_little_endian<std::uint64_t>(out, row[k]);
     }
-    if (const char* const what = SampleBuilder::trouble(row, rows.columns)) fail("sample " + std::to_string(i) + ": " + what);
-    rows.values.insert(rows.values.end(), row, row + rows.columns);
   }
-  return rows;
+}
+
+void append_text_row(std::string& out, const SampleRow& row, const ColumnsOfSet& columns, char separator) {
+  for (std::size_t k = 0; k < kAllColumns; ++k) {
+    if (!columns[k]) continue;
+    if (k > 0) out += separator;
+    if (k == kFacetColumn || k == kDimensionColumn || k == kCurveColumn) {
+      append_number(out, static_cast<std::int64_t>(row[k]));
+    } else {
+      append_number(out, row[k]);
+    }
+  }
+  out += '\n';
 }
 
 }  // namespace
@@ -204,11 +295,10 @@ SampleFormat sample_format(const std::filesystem::path& path) {
 
 SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name, const Execution& execution) {
   const Execution run = execution.start("reading");
-  const detail::IoSource source{data, name, run.part(0, 0.8)};
-  const detail::SampleBuilder rows = format == SampleFormat::kPly   ? detail::parse_ply_samples(source)
-                                     : format == SampleFormat::kCsv ? detail::parse_csv_samples(source)
-                                                                    : detail::parse_xyzr(source);
-  SampleSet samples = rows.finish(source, run.part(0.8, 1));
+  const detail::IoSource source{data, name, run};
+  SampleSet samples = format == SampleFormat::kPly   ? detail::parse_ply_samples(source)
+                      : format == SampleFormat::kCsv ? detail::parse_csv_samples(source)
+                                                     : detail::parse_xyzr(source);
   run.finish();
   return samples;
 }
@@ -224,41 +314,35 @@ SampleSet read_samples(const std::filesystem::path& path, const Execution& execu
 
 std::string format_samples(const SampleSet& samples, SampleFormat format, const Execution& execution) {
   const Execution run = execution.start("writing");
-  const detail::SampleBuilder rows = detail::sample_rows(samples, format != SampleFormat::kXyzr, run.part(0, 0.2));
-  const std::size_t columns = rows.columns;
+  const detail::ColumnsOfSet has = detail::columns_of(samples);
+  const detail::ColumnsOfSet columns = format == SampleFormat::kXyzr ? detail::ColumnsOfSet{} : has;
+  const auto n = static_cast<std::size_t>(samples.positions.rows());
   std::string out;
   if (format == SampleFormat::kPly) {
-    out = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(samples.positions.rows()) + '\n';
-    for (std::size_t k = 0; k < columns; ++k)
-      out += (k == 4 ? "property int " : "property double ") + detail::kSampleColumns[k] + '\n';
+    out = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(n) + '\n';
+    for (std::size_t k = 0; k < detail::kAllColumns; ++k) {
+      if (columns[k]) out += std::string("property ") + detail::ply_type_of(k) + ' ' + detail::kSampleColumns[k] + '\n';
+    }
     out += "end_header\n";
   } else if (format == SampleFormat::kCsv) {
-    for (std::size_t k = 0; k < columns; ++k) out += detail::kSampleColumns[k] + (k + 1 < columns ? ',' : '\n');
+    for (std::size_t k = 0; k < detail::kAllColumns; ++k) {
+      if (columns[k]) out += (k > 0 ? "," : "") + detail::kSampleColumns[k];
+    }
+    out += '\n';
   }
-  // A number and its comma, or a double, take some 20 bytes at most.
-  out.reserve(out.size() + (format == SampleFormat::kPly ? 8u : 20u) * rows.values.size());
-  detail::Ticker ticker(run.part(0.2, 1), rows.values.size(), detail::kRowsPerLook);
-  for (std::size_t i = 0; i < rows.values.size(); ++i) {
+  // A double, or a number and its comma, take some 20 bytes at most.
+  const std::size_t width = 4u + (columns.placed ? 4u : 0u) + (columns.on_curves ? 3u : 0u);
+  out.reserve(out.size() + (format == SampleFormat::kPly ? 8u : 20u) * width * n);
+  detail::Ticker ticker(run, n, detail::kRowsPerLook);
+  for (std::size_t i = 0; i < n; ++i) {
     ticker.tick();
-    const std::size_t column = i % columns;
-    const double value = rows.values[i];
+    const detail::SampleRow row = detail::row_of(samples, columns, i);
+    if (const char* const what = detail::trouble_with(row, columns))
+      detail::fail_to_write("sample " + std::to_string(i) + ": " + what);
     if (format == SampleFormat::kPly) {
-      if (column == 4) {
-        detail::append_little_endian<std::uint32_t>(out, static_cast<Index>(value));
-      } else {
-        detail::append_little_endian<std::uint64_t>(out, value);
-      }
-      continue;
-    }
-    if (column == 4) {
-      detail::append_number(out, static_cast<std::int64_t>(value));
+      detail::append_ply_row(out, row, columns);
     } else {
-      detail::append_number(out, value);
-    }
-    if (column + 1 == columns) {
-      out += '\n';
-    } else {
-      out += format == SampleFormat::kCsv ? ',' : ' ';
+      detail::append_text_row(out, row, columns, format == SampleFormat::kCsv ? ',' : ' ');
     }
   }
   run.finish();

@@ -6,6 +6,7 @@
 #include "amps/dual_star.h"
 #include "amps/mesh_edges.h"
 #include "amps/power_diagram.h"
+#include "amps/topology_refinement.h"
 #include "amps/wanted_radii.h"
 
 #include <algorithm>
@@ -175,22 +176,9 @@ TopologyReport surface_topology(const MeshView& mesh, const Execution& execution
 }
 
 /// Has the dual the topology of the surface?
-TopologyCertificate certify(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run,
-                            const Execution& execution) {
-  TopologySamples samples;
-  samples.place = [&run](Index s) { return run.disks->sample(s).at; };
-  if (run.curves != nullptr) {
-    const CurveGraph& graph = *surface.curves;
-    samples.curve_of_edge = &graph.curve_of_edge;
-    samples.may_own = [&run, &graph](Index s, Index c) {
-      if (slot(s) >= run.curves->samples.size()) return false;
-      const CurveSample& sample = run.curves->samples[slot(s)];
-      if (sample.corner == kNone) return sample.curve == c;
-      const Curve& curve = graph.curves[slot(c)];
-      return curve.first_corner == sample.corner || curve.last_corner == sample.corner;
-    };
-  }
-  return TopologyChecker(mesh, *surface.flood, execution.part(0, 0.3)).check(*run.diagram, samples, execution.part(0.3, 1));
+TopologyCertificate certify(const SamplingSurface& surface, const SamplingRun& run, const Execution& execution) {
+  const TopologySamples samples = topology_samples(*run.disks, surface.curves.get(), run.curves.get());
+  return surface.topology->check(*run.diagram, samples, execution);
 }
 
 /// The shapes of triangles beside curves and of those away from them. `asked`: bounds of angles, if any.
@@ -223,8 +211,10 @@ void measure(const MeshView& mesh, const SamplingSurface& surface, const Samplin
   result.report.quality = quality(result.mesh, execution.part(0.3, 0.4));
   if (run.curves != nullptr) {
     measure_beside_curves(result.mesh, result.report.optimization, execution.part(0.4, 0.45), result.report.curves);
+  } else {
+    result.report.curves.away = result.report.quality;
   }
-  if (surface.flood != nullptr) result.report.certificate = certify(mesh, surface, run, execution.part(0.45, 0.55));
+  if (surface.flood != nullptr) result.report.certificate = certify(surface, run, execution.part(0.45, 0.55));
   result.report.maximality =
       measure_maximality(*run.diagram, rule, execution.part(0.55, 1), run.disks->knows_surface() ? run.disks.get() : nullptr);
 }
@@ -249,12 +239,31 @@ SamplingSurface sampling_surface(const MeshView& mesh, CurveOptions curves, cons
   SamplingSurface result;
   if (sampling.neighborhood != Neighborhood::kSurface) return result;
   SurfaceEdges edges(mesh, execution.part(0, 0.4, "finding curves"));
-  set_curve_radii(mesh, sampling, curves);
   curves.execution = execution.part(0.4, 0.8);
   auto graph = std::make_shared<const CurveGraph>(find_curves(mesh, edges, curves));
   result.flood = std::make_shared<const SurfaceFlood>(
-      mesh, std::move(edges), graph->empty() ? std::vector<char>() : graph->is_curve_edge, execution.part(0.8, 1));
-  if (!graph->empty()) result.curves = std::move(graph);
+      mesh, std::move(edges), graph->empty() ? std::vector<char>() : graph->is_curve_edge, execution.part(0.8, 0.9));
+  result.topology = std::make_shared<const TopologyChecker>(mesh, *result.flood, execution.part(0.9, 1));
+  result.curves = std::move(graph);
+  return result;
+}
+
+/// Of candidates that are no curves, all that hang together with one at these facets, as edges by vertices of the surface.
+std::vector<std::array<Index, 2>> dropped_edges_at(const SamplingSurface& surface, const std::vector<Index>& facets) {
+  const SurfaceEdges& edges = surface.flood->edges();
+  const std::vector<std::size_t>& dropped = surface.curves->dropped;
+  UnionFind sets(slot(edges.num_vertices()));
+  for (const std::size_t e : dropped) sets.join(slot(edges[e].low), slot(edges[e].high));
+  std::vector<char> chosen(slot(edges.num_vertices()), 0);
+  for (const std::size_t e : dropped) {
+    for (const EdgeSide& side : edges[e]) {
+      if (std::binary_search(facets.begin(), facets.end(), side.facet)) chosen[sets.find(slot(edges[e].low))] = 1;
+    }
+  }
+  std::vector<std::array<Index, 2>> result;
+  for (const std::size_t e : dropped) {
+    if (chosen[sets.find(slot(edges[e].low))]) result.push_back({edges[e].low, edges[e].high});
+  }
   return result;
 }
 
@@ -270,11 +279,13 @@ double expected_curve_samples(const MeshView& mesh, const SamplingSurface& surfa
 
 /// Which edges of curves the result has.
 void report_curves(const SamplingSurface& surface, const SamplingRun& run, RemeshResult& result) {
-  if (surface.curves == nullptr || run.curves == nullptr) return;
   CurveReport& report = result.report.curves;
+  report.patches = 1;
+  if (surface.curves == nullptr) return;
+  report.patches = surface.curves->num_patches;
+  if (run.curves == nullptr) return;
   report.curves = static_cast<Index>(surface.curves->curves.size());
   report.corners = static_cast<Index>(surface.curves->corners.size());
-  report.patches = surface.curves->num_patches;
   for (const Curve& curve : surface.curves->curves) {
     report.length += curve.length();
     ++report.curves_of[static_cast<std::size_t>(curve.kind)];
@@ -309,6 +320,32 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
   report.edges_kept = static_cast<Index>(result.curve_edges.size());
 }
 
+/// Samples the surface. Where radii fall without end, an edge is sharp that is not a curve: candidates there become curves. In
+/// the end radii stay as they are, and the topology is another.
+SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, SamplingOptions sampling, SamplingSurface& surface) {
+  constexpr int kMaxPromotions = 3;
+  const Execution execution = sampling.execution;
+  double done = 0;
+  for (int k = 0;; ++k) {
+    constexpr double kShare = 0.7;
+    const double next = surface.preserve ? done + kShare * (1 - done) : 1;
+    sampling.execution = execution.part(done, next);
+    done = next;
+    SamplingRun run = sample_with_diagram(mesh, sampling, surface);
+    if (run.changed_facets.empty() || run.result.status == Outcome::kCancelled) return run;
+    const std::vector<std::array<Index, 2>> sharp = dropped_edges_at(surface, run.changed_facets);
+    if (sharp.empty() || k == kMaxPromotions) {
+      if (!run.gave_up) return run;
+      surface.preserve = false;
+      continue;
+    }
+    curves.edges.insert(curves.edges.end(), sharp.begin(), sharp.end());
+    const SamplingSurface next_surface = sampling_surface(mesh, curves, sampling, execution.part(done, done));
+    surface = next_surface;
+    surface.preserve = true;
+  }
+}
+
 /// On what of the surface each sample is; those on curves are the first ones.
 void name_places(const SamplingRun& run, SampleSet& samples) {
   const auto n = slot(samples.size());
@@ -336,8 +373,10 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
                        const RemeshParts& parts, RemeshResult& result) {
   if (options.optimize) result.report.optimization.status = Outcome::kCancelled;  // until it is done
   constexpr double kSurfaceShare = 0.05;
-  const SamplingSurface surface_of_input =
-      sampling_surface(mesh, options.curves, sampling, sampling.execution.part(0, kSurfaceShare));
+  CurveOptions curves = options.curves;
+  set_curve_radii(mesh, sampling, curves);
+  SamplingSurface surface_of_input = sampling_surface(mesh, curves, sampling, sampling.execution.part(0, kSurfaceShare));
+  surface_of_input.preserve = surface_of_input.topology != nullptr && options.topology == Topology::kPreserve;
   if (surface_of_input.flood != nullptr) sampling.execution = sampling.execution.part(kSurfaceShare, 1);
   if (options.optimize && sampling.target_count > 0) {
     // What optimisation will add, for each sample that it may move.
@@ -346,7 +385,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     const double growth = share * expected_growth(options.optimization, is_one_radius(sampling.sizing));
     sampling.target_count = std::max(Index{1}, static_cast<Index>(target / (1 + growth) + 0.5));
   }
-  SamplingRun run = sample_with_diagram(mesh, sampling, surface_of_input);
+  SamplingRun run = sample_preserving(mesh, curves, sampling, surface_of_input);
   result.samples = std::move(run.result.samples);
   result.report.sampling = run.result.report;
   if (surface_of_input.flood != nullptr) name_places(run, result.samples);

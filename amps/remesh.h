@@ -30,12 +30,20 @@
 
 namespace amps {
 
+/// What is done where the result would have another topology than the surface: parts thinner than r, folds, small components.
+enum class Topology {
+  kPreserve,  ///< radii fall there, until the certificate holds or they are down to a thousandth
+  kReport,    ///< nothing
+};
+
 struct RemeshOptions {
   /// With optimisation a target_count is that of the result, met within about 2 %. `sampling.execution` is that of the whole.
   SamplingOptions sampling;
   /// Curves of the input that the result keeps, where disks know their surface (sampling.neighborhood, by default). The radius
   /// is that of `sampling`, unless one is given.
   CurveOptions curves;
+  /// Means nothing where disks are balls.
+  Topology topology = Topology::kPreserve;
   /// Improve angles and valences of the maximal set.
   bool optimize = true;
   /// How. Sizing, conflict rule, seed and execution are those of `sampling`.
@@ -77,7 +85,7 @@ struct RemeshResult {
   SampleSet samples;          ///< facet and barycentric coordinates per output vertex
   std::vector<Index> facets;  ///< by triangle: a facet of the input on which its three cells meet
   std::vector<Index>
-      patches;  ///< by triangle: that facet's patch (CurveGraph::patch_of_facet); all 0 where there are no curves
+      patches;  ///< by triangle: that facet's patch (CurveGraph::patch_of_facet); all 0 where disks are balls
   /// Pairs of vertices along the curves that were kept, #E; curve by curve.
   std::vector<std::array<Index, 2>> curve_edges;
   RemeshReport report;

@@ -7,11 +7,13 @@
 #include "amps/disk_set.h"
 #include "amps/gap_filling.h"
 #include "amps/spatial_sort.h"
+#include "amps/topology_refinement.h"
 #include "amps/wanted_radii.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -27,6 +29,10 @@ constexpr double kTargetTolerance = 0.01;
 constexpr int kTargetAttempts = 100;
 constexpr int kMinTargetAttempts = 8;
 constexpr double kTargetSamples = 1e5;
+/// Refinement of the topology gives up at this many times the samples that there were, and so many more: a small part takes
+/// four and more samples where it had one.
+constexpr Index kMaxGrowth = 8;
+constexpr Index kMaxAdded = 10'000;
 /// How far radii may grow beyond the first estimate to make room for samples on curves.
 constexpr double kMaxScaleAtCurves = 1.5;
 /// Offset between the seeds of those runs: 2^64 over the golden ratio.
@@ -257,13 +263,29 @@ std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task, cons
   return diagram;
 }
 
+/// Samples of an earlier round stay where radii are not too large by now, and curves leave them room.
+void add_kept(SamplingTask& task, const std::vector<FaceSample>& kept, const Execution& execution) {
+  for_each_piece(kept.size(), kElementsPerLook, execution, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const Sample& sample = kept[k].sample;
+      if (sample.radius > task.radii.at(sample.at)) continue;
+      if (task.num_fixed > 0 && task.disks->conflicting_sample(sample, task.radii.rule()) != kNone) continue;
+      task.add(sample);
+      ++(kept[k].of_darts ? task.report.dart_samples : task.report.gap_samples);
+    }
+  });
+}
+
+/// Of a set that is not empty.
+void report_radii(const std::vector<double>& radii, SamplingReport& report) {
+  report.min_radius = *std::min_element(radii.begin(), radii.end());
+  report.max_radius = *std::max_element(radii.begin(), radii.end());
+  report.mean_radius = 0;
+  for (const double r : radii) report.mean_radius += r / static_cast<double>(radii.size());
+}
+
 SamplingRun finish_run(SamplingTask& task, std::unique_ptr<RestrictedPowerDiagram> diagram) {
-  const std::vector<double>& radii = task.set.radii();
-  if (!radii.empty()) {
-    task.report.min_radius = *std::min_element(radii.begin(), radii.end());
-    task.report.max_radius = *std::max_element(radii.begin(), radii.end());
-    for (const double r : radii) task.report.mean_radius += r / static_cast<double>(radii.size());
-  }
+  if (task.set.size() > 0) report_radii(task.set.radii(), task.report);
   SamplingRun run;
   run.result = {task.set.finish(), task.report, task.status};
   run.disks = task.disks;
@@ -277,42 +299,66 @@ void add_up(SamplingReport& total, const SamplingReport& run) {
   total.seconds_triangulation += run.seconds_triangulation;
   total.seconds_diagram += run.seconds_diagram;
   total.seconds_gaps += run.seconds_gaps;
+  total.seconds_topology += run.seconds_topology;
 }
 
-/// One run from darts to the last gap.
-SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const WantedRadii& radii,
-                     const SamplingSurface& surface, std::uint64_t seed, const Execution& execution) {
-  const double density = radii.density_integral(total_area(mesh));
-  const Box box = bounding_box(mesh);
-  require_feasible_radii(radii.min(), radii.max(), density, box, options);
+bool has_curves(const SamplingSurface& surface) { return surface.curves != nullptr && !surface.curves->empty(); }
+
+/// What one round of a run is made from.
+struct SamplingRound {
+  const WantedRadii& radii;
+  const SamplingSurface& surface;
+  const Box& box;
+  std::uint64_t seed;
+  const std::vector<RadiusCap>& limits;  ///< bounds of radii, beside `radii`
+  const std::vector<FaceSample>* kept;   ///< of an earlier round, to begin with; null: darts are thrown
+};
+
+/// From curves and darts to the last gap.
+SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, const SamplingRound& round,
+                      const Execution& execution) {
+  const SamplingSurface& surface = round.surface;
+  const double density = round.radii.density_integral(total_area(mesh));
   std::shared_ptr<CurveSamples> curves;
-  std::shared_ptr<const CapField> caps;
-  WantedRadii bounded = radii;
-  const double curves_end = surface.curves == nullptr || surface.curves->empty() ? 0 : 0.05;
+  WantedRadii bounded = round.radii;
+  std::vector<RadiusCap> caps = round.limits;
+  double min = round.radii.min(), max = round.radii.max();
+  for (const RadiusCap& cap : caps) min = std::min(min, cap.radius);
+  const double curves_end = has_curves(surface) ? 0.05 : 0;
   if (curves_end > 0) {
+    const CapField limits(round.limits, kCapGradation);
     CurveSamplingOptions along;
-    along.seed = seed;
+    along.seed = round.seed;
+    if (!limits.empty()) along.limits = &limits;
     along.execution = execution.part(0, curves_end, "sampling curves");
-    const bool complete = completes(
-        [&] { curves = std::make_shared<CurveSamples>(sample_curves(mesh, *surface.curves, *surface.flood, radii, along)); });
+    const bool complete = completes([&] {
+      curves = std::make_shared<CurveSamples>(sample_curves(mesh, *surface.curves, *surface.flood, round.radii, along));
+    });
     if (!complete) {
       SamplingRun run;
       run.result.status = Outcome::kCancelled;
-      run.result.report.seed = seed;
+      run.result.report.seed = round.seed;
       return run;
     }
-    double min = radii.min(), max = radii.max();
     for (const CurveSample& on_curve : curves->samples) {
       min = std::min(min, on_curve.sample.radius);
       max = std::max(max, on_curve.sample.radius);
     }
-    bounded = radii.beside(min, max);
-    if (!curves->caps.empty()) caps = std::shared_ptr<const CapField>(curves, &curves->caps);
-    bounded = bounded.with_caps(caps);
+    caps.insert(caps.end(), curves->caps.caps().begin(), curves->caps.caps().end());
   }
-  SamplingTask task(mesh, options, bounded, box, surface.flood, seed);
+  bounded = bounded.beside(min, max);
+  std::shared_ptr<const CapField> cap_field;
+  if (!caps.empty()) cap_field = std::make_shared<const CapField>(std::move(caps), kCapGradation);
+  bounded = bounded.with_caps(cap_field);
+  SamplingTask task(mesh, options, bounded, round.box, surface.flood, round.seed);
   if (curves != nullptr) {
-    for (const CurveSample& on_curve : curves->samples) task.add_dart(on_curve.sample);
+    for (const CurveSample& on_curve : curves->samples) {
+      if (round.kept != nullptr) {
+        task.add(on_curve.sample);
+      } else {
+        task.add_dart(on_curve.sample);
+      }
+    }
     task.num_fixed = task.report.curve_samples = task.set.size();
   }
   const SamplingCosts costs(kSamplesPerDensity * density, static_cast<double>(mesh.num_facets()), execution.workers());
@@ -320,15 +366,172 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   std::unique_ptr<RestrictedPowerDiagram> diagram;
   const bool complete = completes([&] {
     const Execution filling = execution.part(curves_end, 1);
-    run_darts(task, density, filling.part(0, darts_end, "throwing darts"));
-    if (task.status == Outcome::kDone) task.sort_along_curve(box, filling.part(darts_end, sort_end, "throwing darts"));
+    if (round.kept != nullptr) {
+      add_kept(task, *round.kept, filling.part(0, sort_end, "throwing darts"));
+    } else {
+      run_darts(task, density, filling.part(0, darts_end, "throwing darts"));
+      if (task.status == Outcome::kDone) task.sort_along_curve(round.box, filling.part(darts_end, sort_end, "throwing darts"));
+    }
     if (task.status == Outcome::kDone) diagram = run_gap_filling(task, filling.part(sort_end, 1));
   });
   if (!complete) task.status = Outcome::kCancelled;
   if (task.status == Outcome::kCancelled) diagram.reset();
   SamplingRun run = finish_run(task, std::move(diagram));
   run.curves = std::move(curves);
-  run.caps = std::move(caps);
+  run.caps = std::move(cap_field);
+  return run;
+}
+
+/// Lowers radii where the dual has not the topology of the surface, until it has, or nothing is left to lower. Where curves
+/// have to be sampled anew, the diagram is, too; elsewhere it is edited.
+class TopologyRefiner {
+ public:
+  /// `run`: that of `first`.
+  TopologyRefiner(const MeshView& mesh, const SamplingOptions& options, const SamplingRound& first, SamplingRun& run)
+      : mesh_(mesh),
+        options_(options),
+        first_(first),
+        run_(run),
+        rng_(first.seed + kSeedStride) {
+    take_run();
+  }
+
+  void refine(const Execution& execution) {
+    double done = 0;
+    const Index most = kMaxGrowth * run_.diagram->num_sites() + kMaxAdded;
+    TopologyCertificate certificate = check_all(execution.part(0, 0.1));
+    while (caps_.lower(certificate, *run_.disks, run_.curves.get(), first_.radii)) {
+      const double next = (1 + done) / 2;
+      const Execution part = execution.part(done, next);
+      done = next;
+      const CapField bounds(caps_.last(), kCapGradation);
+      if (touches_curves(bounds, run_.curves.get())) {
+        start_anew(part.part(0, 0.9));
+        certificate = check_all(part.part(0.9, 1));
+      } else {
+        edit(bounds, part);
+        certificate = check_changed(certificate);
+      }
+      ++run_.result.report.refinements;
+      if (run_.diagram->num_sites() > most) {
+        run_.gave_up = true;
+        break;
+      }
+    }
+    for (const TopologyFailure& failure : certificate.failures) list_facets(failure);
+    std::vector<Index>& facets = run_.changed_facets;
+    std::sort(facets.begin(), facets.end());
+    facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
+    finish(execution.part(done, 1));
+  }
+
+ private:
+  void take_run() {
+    const SamplingReport& report = run_.result.report;
+    set_.emplace(*run_.diagram, *run_.disks, report.curve_samples, report.dart_samples);
+    edited_ = false;
+  }
+  /// Of a failure, all facets of the cells.
+  void list_facets(const TopologyFailure& failure) {
+    if (failure.facet != kNone) run_.changed_facets.push_back(failure.facet);
+    for (const Index s : samples_of(failure)) {
+      const RestrictedPowerDiagram& diagram = *run_.diagram;
+      for (Index f = diagram.first_of_site(s); f != kNone; f = diagram.next_of_site(f)) {
+        run_.changed_facets.push_back(diagram.polygon(f).facet);
+      }
+    }
+  }
+
+  TopologySamples samples() const { return topology_samples(*run_.disks, first_.surface.curves.get(), run_.curves.get()); }
+  TopologyCertificate check_all(const Execution& execution) const {
+    return first_.surface.topology->check(*run_.diagram, samples(), execution);
+  }
+
+  TopologyCertificate check_changed(const TopologyCertificate& before) {
+    std::vector<Index> cells = set_->changed();
+    for (const TopologyFailure& failure : before.failures) {
+      const std::vector<Index> of_failure = samples_of(failure);
+      cells.insert(cells.end(), of_failure.begin(), of_failure.end());
+    }
+    std::sort(cells.begin(), cells.end());
+    cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
+    return first_.surface.topology->check(*run_.diagram, samples(), cells, scratch_);
+  }
+
+  void start_anew(const Execution& execution) {
+    const SamplingReport before = run_.result.report;
+    const std::vector<FaceSample> kept = set_->on_faces();
+    SamplingRun next = run_round(
+        mesh_, options_, {first_.radii, first_.surface, first_.box, first_.seed, caps_.caps(), &kept}, execution);
+    add_up(next.result.report, before);
+    next.result.report.darts = before.darts;
+    next.result.report.refinements = before.refinements;
+    const bool complete = next.result.status == Outcome::kDone;
+    run_ = std::move(next);
+    if (!complete) throw Error(ErrorCode::kCancelled, "sampling: cancelled");
+    take_run();
+  }
+
+  void edit(const CapField& bounds, const Execution& execution) {
+    std::vector<RadiusCap> caps = caps_.caps();
+    double min = first_.radii.min(), max = first_.radii.max();
+    for (const RadiusCap& cap : caps) min = std::min(min, cap.radius);
+    if (run_.curves != nullptr) {
+      const std::vector<RadiusCap>& of_curves = run_.curves->caps.caps();
+      caps.insert(caps.end(), of_curves.begin(), of_curves.end());
+      for (const CurveSample& on_curve : run_.curves->samples) {
+        min = std::min(min, on_curve.sample.radius);
+        max = std::max(max, on_curve.sample.radius);
+      }
+    }
+    run_.caps = std::make_shared<const CapField>(std::move(caps), kCapGradation);
+    set_->lower(bounds, first_.radii.beside(min, max).with_caps(run_.caps), rng_, execution);
+    edited_ = true;
+  }
+
+  void finish(const Execution& execution) {
+    if (!edited_) return;
+    if (!set_->compact()) return start_anew(execution);
+    SamplingReport& report = run_.result.report;
+    report.dart_samples = set_->num_darts();
+    report.gap_samples = set_->num_gap_samples();
+    report.unfilled_gaps += set_->num_unfilled();
+    GrowingSet samples = set_->samples();
+    report_radii(samples.radii(), report);
+    run_.result.samples = samples.finish();
+  }
+
+  const MeshView& mesh_;
+  const SamplingOptions& options_;
+  const SamplingRound& first_;
+  SamplingRun& run_;
+  RefinementCaps caps_;
+  Rng rng_;
+  TopologyChecker::Scratch scratch_;
+  std::optional<RefinedSet> set_;  ///< of run_
+  bool edited_ = false;  ///< since run_ was made
+};
+
+/// One run: a round, and further ones with smaller radii where the topology is not that of the surface.
+SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const WantedRadii& radii,
+                     const SamplingSurface& surface, std::uint64_t seed, const Execution& execution) {
+  const Box box = bounding_box(mesh);
+  require_feasible_radii(radii.min(), radii.max(), radii.density_integral(total_area(mesh)), box, options);
+  constexpr double kRefinementShare = 0.1;
+  const double refining = surface.preserve ? 1 - kRefinementShare : 1;
+  const std::vector<RadiusCap> no_limits;
+  const SamplingRound round{radii, surface, box, seed, no_limits, nullptr};
+  SamplingRun run = run_round(mesh, options, round, execution.part(0, refining));
+  if (!surface.preserve || run.result.status != Outcome::kDone) return run;
+  Stopwatch watch;
+  const bool complete = completes([&] {
+    TopologyRefiner(mesh, options, round, run).refine(execution.part(refining, 1, "keeping the topology"));
+  });
+  if (!complete) {
+    run.result.status = Outcome::kCancelled;
+    run.diagram.reset();
+  }
+  run.result.report.seconds_topology += watch.lap();
   return run;
 }
 
@@ -382,7 +585,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     const double scale = model->scale();
     if (attempt == 1) first_scale = scale;
     // Where curves need most of the samples, larger disks on faces help little: the set stays larger than asked for.
-    if (surface.curves != nullptr && scale > kMaxScaleAtCurves * first_scale) break;
+    if (has_curves(surface) && scale > kMaxScaleAtCurves * first_scale) break;
     const WantedRadii radii =
         by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
@@ -398,12 +601,15 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
       best.diagram.reset();
       break;
     }
+    if (run.gave_up) {
+      best = std::move(run);
+      break;
+    }
     model->learn(run.result.samples.size());
-    const bool has_curves = run.curves != nullptr;
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;
     // Curves need the samples that they need, whatever the radius.
-    if (attempt >= kMinTargetAttempts && (attempt * target > kTargetSamples || has_curves)) break;
+    if (attempt >= kMinTargetAttempts && (attempt * target > kTargetSamples || has_curves(surface))) break;
   }
   SamplingReport& report = best.result.report;
   report.attempts = total.attempts;
@@ -411,6 +617,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   report.seconds_triangulation = total.seconds_triangulation;
   report.seconds_diagram = total.seconds_diagram;
   report.seconds_gaps = total.seconds_gaps;
+  report.seconds_topology = total.seconds_topology;
   if (best.result.status == Outcome::kDone) execution.finish();
   return best;
 }

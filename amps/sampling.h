@@ -60,11 +60,13 @@ struct SamplingReport {
   Index dart_samples = 0;   ///< samples of dart throwing
   Index gap_samples = 0;    ///< samples added by gap filling
   Index unfilled_gaps = 0;  ///< gaps that hold no double at the wanted distance: 0 unless the mesh lies > 1e6·r from the origin
+  int refinements = 0;      ///< rounds with smaller radii, where the topology was not that of the surface
   int attempts = 1;         ///< sampling runs made to reach target_count
   double seconds_darts = 0;  ///< wall clock, all attempts; as the next three
   double seconds_triangulation = 0;
   double seconds_diagram = 0;
   double seconds_gaps = 0;
+  double seconds_topology = 0;  ///< the certificate of the topology, and rounds with smaller radii
 };
 
 struct SamplingResult {
@@ -102,12 +104,15 @@ double sampling_cost(double samples, double facets, unsigned workers);
 class CapField;
 class DiskSet;
 class SurfaceFlood;
+class TopologyChecker;
 struct CurveSamples;
 
 /// The surface that disks know, and the curves that are kept on it. By default disks are balls.
 struct SamplingSurface {
   std::shared_ptr<const SurfaceFlood> flood;  ///< cut at the curves; null: balls
-  std::shared_ptr<const CurveGraph> curves;   ///< null or empty: none
+  std::shared_ptr<const CurveGraph> curves;   ///< null: disks are balls
+  std::shared_ptr<const TopologyChecker> topology;  ///< null: nobody asks
+  bool preserve = false;                            ///< radii fall where the dual has not the topology of the surface
 };
 
 /// sample(), and what it ended with (null if it was cancelled): the diagram and, where disks know their surface, these.
@@ -116,6 +121,10 @@ struct SamplingRun {
   std::shared_ptr<DiskSet> disks;
   std::shared_ptr<const CurveSamples> curves;  ///< of which the set's first samples are; null: there are no curves
   std::shared_ptr<const CapField> caps;        ///< bounds of wanted radii, beside curves; null: none
+  /// Facets where the dual has not the topology of the surface, and so many samples more would not help; ascending. Empty if
+  /// nobody asked.
+  std::vector<Index> changed_facets;
+  bool gave_up = false;  ///< radii fell no further, since samples became too many
   std::unique_ptr<RestrictedPowerDiagram> diagram;
 };
 SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options, const SamplingSurface& surface = {});

@@ -13,13 +13,15 @@ namespace amps_test {
 TEST_CASE("mesh_io: samples written are read back bit for bit") {
   const Folder folder;
   for (const bool with_place : {false, true}) {
-    const SampleSet samples = some_samples(with_place);
-    for (const char* extension : {".xyzr", ".ply", ".CSV"}) {
-      CAPTURE(extension);
-      const fs::path path = folder.path / (std::string("samples") + extension);
-      amps::write_samples(path, samples);
-      const SampleSet expected = std::string(extension) == ".xyzr" ? some_samples(false) : samples;
-      CHECK(same_set(amps::read_samples(path), expected));
+    for (const bool with_curves : {false, true}) {
+      const SampleSet samples = with_curves ? on_curves(some_samples(with_place)) : some_samples(with_place);
+      for (const char* extension : {".xyzr", ".ply", ".CSV"}) {
+        CAPTURE(extension);
+        const fs::path path = folder.path / (std::string("samples") + extension);
+        amps::write_samples(path, samples);
+        const SampleSet expected = std::string(extension) == ".xyzr" ? some_samples(false) : samples;
+        CHECK(same_set_on_curves(amps::read_samples(path), expected));
+      }
     }
   }
   CHECK(folder.entries() == 3);
@@ -38,6 +40,35 @@ TEST_CASE("mesh_io: samples in the forms people write them") {
   CHECK(barycentric_of(c, 0) == Vec3(0.25, 0.25, 0.5));
   const SampleSet d = amps::parse_samples("x,y,z,radius,facet\n1,2,3,4,7\n", SampleFormat::kCsv);
   CHECK(d.facets.empty());
+  const SampleSet e = amps::parse_samples("Parameter,x,y,z,r,curve,dimension\n0.5,1,2,3,4,7,1\n0,1,2,3,4,0,0\n0,1,2,3,4,-1,2\n",
+                                          SampleFormat::kCsv);
+  CHECK(e.facets.empty());
+  CHECK(e.dimensions == std::vector<std::uint8_t>{1, 0, 2});
+  CHECK(e.curves == std::vector<Index>{7, 0, kNone});
+  CHECK(e.parameters == std::vector<double>{0.5, 0, 0});
+  // Of another's columns by these names, two are no place on curves, whatever is in them.
+  const SampleSet f = amps::parse_samples("x,y,z,r,dimension,curve\n1,2,3,4,north,\n", SampleFormat::kCsv);
+  CHECK(f.dimensions.empty());
+  CHECK(f.curves.empty());
+  CHECK(f.parameters.empty());
+}
+
+TEST_CASE("mesh_io: sample files name their columns, and hold what programs expect of their types") {
+  const SampleSet bare = some_samples(false), placed = some_samples(true);
+  const auto header = [](const SampleSet& set) {
+    const std::string text = amps::format_samples(set, SampleFormat::kCsv);
+    return text.substr(0, text.find('\n'));
+  };
+  CHECK(header(bare) == "x,y,z,radius");
+  CHECK(header(placed) == "x,y,z,radius,facet,b0,b1,b2");
+  CHECK(header(on_curves(bare)) == "x,y,z,radius,dimension,curve,parameter");
+  CHECK(header(on_curves(placed)) == "x,y,z,radius,facet,b0,b1,b2,dimension,curve,parameter");
+  const std::string ply = amps::format_samples(on_curves(placed), SampleFormat::kPly);
+  for (const char* property : {"property int facet\n", "property double b2\n", "property uchar dimension\n",
+                               "property int curve\n", "property double parameter\n"}) {
+    CHECK(ply.find(property) != std::string::npos);
+  }
+  CHECK(amps::format_samples(on_curves(placed), SampleFormat::kXyzr) == amps::format_samples(bare, SampleFormat::kXyzr));
 }
 
 TEST_CASE("mesh_io: a property of the vertices by its name") {
@@ -70,15 +101,47 @@ TEST_CASE("mesh_io: samples that cannot be are refused with the place") {
   check_refused("x,y,z,radius\n1,2,3\n", SampleFormat::kCsv, "line 2: expected 4 fields, found 3");
   check_refused("x,y,z,radius\n1,2,3,\n", SampleFormat::kCsv, "line 2: expected a number");
   check_refused("x,y,z,r,facet,b0,b1,b2\n1,2,3,4,1.5,0,0,1\n", SampleFormat::kCsv, "line 2: the facet");
+  const std::string curve_header = "x,y,z,r,dimension,curve,parameter\n1,2,3,4,";
+  check_refused(curve_header + "3,0,0\n", SampleFormat::kCsv, "line 2: the dimension is not 0");
+  check_refused(curve_header + "-1,0,0\n", SampleFormat::kCsv, "line 2: the dimension is not 0");
+  check_refused(curve_header + "nan,0,0\n", SampleFormat::kCsv, "line 2: the dimension is not 0");
+  check_refused(curve_header + "2,0,0\n", SampleFormat::kCsv, "line 2: a sample of dimension 2 is on no curve");
+  check_refused(curve_header + "1,-1,0\n", SampleFormat::kCsv, "line 2: the number of the curve");
+  check_refused(curve_header + "0,0.5,0\n", SampleFormat::kCsv, "line 2: the number of the curve");
+  check_refused(curve_header + "1,0,-0.5\n", SampleFormat::kCsv, "line 2: the parameter");
+  check_refused(curve_header + "1,0,inf\n", SampleFormat::kCsv, "line 2: the parameter");
+  check_refused(curve_header + "0,0,0.5\n", SampleFormat::kCsv, "line 2: a sample that is on no curve");
+  check_refused(curve_header + "1,0\n", SampleFormat::kCsv, "line 2: expected 7 fields, found 6");
   check_refused(amps::format_mesh(square(), MeshFormat::kPly), SampleFormat::kPly, "radius");
   check_refused("ply", SampleFormat::kPly, "PLY");
-  const std::string data = amps::format_samples(some_samples(true), SampleFormat::kPly);
+  const std::string data = amps::format_samples(on_curves(some_samples(true)), SampleFormat::kPly);
   for (std::size_t size = 0; size < data.size(); size += 7)
     CHECK_THROWS_AS(amps::parse_samples(data.substr(0, size), SampleFormat::kPly), Error);
   CHECK_THROWS_AS(amps::format_samples(SampleSet{}, SampleFormat::kXyzr), Error);
   SampleSet uneven = some_samples(true);
   uneven.facets.pop_back();
   CHECK_THROWS_AS(amps::format_samples(uneven, SampleFormat::kCsv), Error);
+}
+
+TEST_CASE("mesh_io: samples whose place on curves makes no sense are not written, nor taken") {
+  const SampleSet good = on_curves(some_samples(true));
+  CHECK_NOTHROW(amps::detail::require_sample_set(good));
+  std::vector<SampleSet> uneven(4, good);
+  uneven[0].dimensions.pop_back();
+  uneven[1].curves.clear();
+  uneven[2].parameters.push_back(0);
+  uneven[3].dimensions.clear();
+  for (const SampleSet& set : uneven) {
+    CHECK(thrown_by([&] { amps::detail::require_sample_set(set); }).code == ErrorCode::kInvalidArgument);
+    for (const SampleFormat format : {SampleFormat::kCsv, SampleFormat::kPly, SampleFormat::kXyzr})
+      CHECK(thrown_by([&] { amps::format_samples(set, format); }).code == ErrorCode::kInvalidArgument);
+  }
+  SampleSet senseless = good;
+  senseless.dimensions[7] = 3;
+  const Thrown thrown = thrown_by([&] { amps::format_samples(senseless, SampleFormat::kPly); });
+  CHECK(thrown.code == ErrorCode::kInvalidArgument);
+  CHECK(thrown.text.find("sample 7: the dimension") != std::string::npos);
+  CHECK_NOTHROW(amps::format_samples(senseless, SampleFormat::kXyzr));
 }
 
 }  // namespace amps_test

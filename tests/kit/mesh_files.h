@@ -74,6 +74,18 @@ inline SampleSet some_samples(bool with_place) {
   return samples;
 }
 
+/// The same set with samples on corners, curves and facets.
+inline SampleSet on_curves(SampleSet samples) {
+  Rng rng(6);
+  for (Index s = 0; s < samples.size(); ++s) {
+    const auto dimension = static_cast<std::uint8_t>(rng.below(3));
+    samples.dimensions.push_back(dimension);
+    samples.curves.push_back(dimension == 2 ? kNone : static_cast<Index>(rng.below(1u << 31)));
+    samples.parameters.push_back(dimension == 1 ? rng.uniform() * 1e-3 : 0);
+  }
+  return samples;
+}
+
 inline void check_refused(const std::string& data, MeshFormat format, const std::string& part) {
   CAPTURE(data.substr(0, 80));
   const Thrown thrown = thrown_by([&] { amps::parse_mesh(data, format, "some.file"); });

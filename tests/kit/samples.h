@@ -148,6 +148,11 @@ inline bool same_set(const SampleSet& a, const SampleSet& b) {
          same_values(a.radii, b.radii);
 }
 
+/// On the same corners and curves, too: sets of remesh() say so, those of sample() do not.
+inline bool same_set_on_curves(const SampleSet& a, const SampleSet& b) {
+  return same_set(a, b) && a.dimensions == b.dimensions && a.curves == b.curves && same_values(a.parameters, b.parameters);
+}
+
 inline amps::RestrictedPowerDiagram diagram_of(const Mesh& mesh, const SampleSet& set) {
   return amps::RestrictedPowerDiagram(mesh, set.positions, squared(set.radii));
 }
