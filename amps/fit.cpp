@@ -204,7 +204,7 @@ std::vector<SurfaceHit> nearest_again(const SurfaceTree& tree, const Points& poi
 }
 
 /// `tiny`: below it, the direction of a distance is rounding, and `normal` is that of the surface.
-FitSample sample_of(const FitPair& pair, const Vec3& normal, double tiny, double mass) {
+FitSample fit_sample_of(const FitPair& pair, const Vec3& normal, double tiny, double mass) {
   FitSample sample;
   sample.weight = pair.weight;
   const Vec3 difference = pair.on_mesh - pair.on_input;
@@ -464,7 +464,7 @@ FitSamples VertexFit::take_samples(Residual& residual, const Execution& run) {
         FitPair pair{positions.row(static_cast<std::ptrdiff_t>(kRule * f + q)).transpose(), hit.point.position, hit.distance,
                      Vec3(kNear, kNear, kNear)};
         pair.weight[static_cast<int>(q)] = kFar;
-        result.samples[result.first[f] + q] = sample_of(pair, area / areas[f], kNoMove, areas[f] / kRule);
+        result.samples[result.first[f] + q] = fit_sample_of(pair, area / areas[f], kNoMove, areas[f] / kRule);
       }
     }
   });
@@ -509,7 +509,7 @@ void VertexFit::sample_input(std::vector<FitSample>& samples, std::vector<Index>
       if (!(area.squaredNorm() > 0) || opposed(slot(hit.point.facet), area, normal)) continue;
       const FitPair pair{hit.point.position, input_points_.positions.row(static_cast<std::ptrdiff_t>(i)).transpose(),
                          hit.distance, hit.point.barycentric};
-      samples[i] = sample_of(pair, normal, kNoMove, input_points_.area);
+      samples[i] = fit_sample_of(pair, normal, kNoMove, input_points_.area);
     }
   });
 }

@@ -382,6 +382,44 @@ TEST_CASE("fit: the same bits on any threads and at any power of two; no fit cha
   CHECK(report.moved == 0);
 }
 
+TEST_CASE("fit: in remesh, vertices of the mesh move and nothing else does") {
+  const std::vector<std::pair<std::string, Mesh>> inputs = {{"half sphere", half_sphere(5000)}, {"cube", amps::make_cube(8)}};
+  for (const auto& [name, input] : inputs) {
+    CAPTURE(name);
+    amps::RemeshOptions options;
+    options.sampling.target_count = 600;
+    const amps::RemeshResult plain = amps::remesh(input, options);
+    CHECK(plain.mesh.vertices == plain.samples.positions);
+    CHECK(plain.report.fit.rms_before == 0);
+    for (const Fit fit : kKinds) {
+      options.fit = fit;
+      const amps::RemeshResult result = amps::remesh(input, options);
+      CHECK(result.status == plain.status);
+      CHECK(result.samples.positions == plain.samples.positions);
+      CHECK(result.mesh.triangles == plain.mesh.triangles);
+      CHECK(result.report.maximality.worst_coverage == plain.report.maximality.worst_coverage);
+      CHECK(result.report.quality.min_angle >= std::min(35.0, plain.report.quality.min_angle) - 1e-9);
+      CHECK(result.report.quality.max_angle <= std::max(105.0, plain.report.quality.max_angle) + 1e-9);
+      if (name == "cube") {
+        CHECK(farthest_move(result.mesh.vertices, plain.mesh.vertices) < 1e-12);
+        continue;
+      }
+      CHECK(result.report.fit.moved > 500);
+      CHECK(result.report.fit.rms_after < 0.7 * result.report.fit.rms_before);
+      CHECK(rms(input, result.mesh) < 0.7 * rms(input, plain.mesh));
+      CHECK(result.report.quality.mean_edge != plain.report.quality.mean_edge);
+      // Once the mesh is there, to stop costs the fit only.
+      amps::RemeshOptions stopped = options;
+      stopped.sampling.execution.progress =
+          amps::Progress([](const char* stage, double) { return std::string(stage) != "fitting vertices"; }, 0);
+      const amps::RemeshResult unfinished = amps::remesh(input, stopped);
+      CHECK(unfinished.status == amps::Outcome::kCancelled);
+      CHECK(unfinished.mesh.vertices == plain.mesh.vertices);
+      CHECK(unfinished.mesh.triangles == plain.mesh.triangles);
+    }
+  }
+}
+
 TEST_CASE("fit: what cannot be done says so") {
   const Mesh input = amps::make_sphere(320), mesh = amps::make_sphere(80);
   const auto refused = [&](const auto& change) {
