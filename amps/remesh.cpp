@@ -377,7 +377,7 @@ bool misses(Index count, Index target) {
 /// Moves the vertices off the surface; those on curves with the curves, and corners stay.
 void fit_mesh(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run, const RemeshOptions& options,
               const Execution& execution, RemeshResult& result) {
-  if (options.fit == Fit::kOff || !(total_area(result.mesh, execution.part(0, 0.01)) > 0)) return;
+  if (!(total_area(result.mesh, execution.part(0, 0.01)) > 0)) return;
   FitOptions fit;
   fit.fit = options.fit;
   if (options.optimize) {
@@ -453,8 +453,10 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   }
   report_curves(surface_of_input, run, result);
   result.report.seconds_remesh = watch.lap();
-  fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.extraction, parts.fit, "fitting vertices"), result);
-  watch.lap();
+  if (options.fit != Fit::kOff) {
+    fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.extraction, parts.fit, "fitting vertices"), result);
+    watch.lap();
+  }
   measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.fit, 1, "measuring the result"), result);
   result.report.seconds_report = watch.lap();
   if (misses(result.samples.size(), options.sampling.target_count)) status = std::max(status, Outcome::kCountMissed);
