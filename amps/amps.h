@@ -79,6 +79,8 @@
 //   quality.h        angles, edges, areas, valences
 //   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces
 //   self_intersections.h  facets that cross, touch or overlap
+//   fit_system.h     (internal) offsets of vertices by least squares
+//   fit.h            vertices that leave the surface, so that triangles lie closer to it
 //   remesh.h         the dual triangulation, and the whole pipeline in one call
 #pragma once
 
@@ -108,4 +110,5 @@
 #include "amps/surface_tree.h"
 #include "amps/surface_distance.h"
 #include "amps/self_intersections.h"
+#include "amps/fit.h"
 #include "amps/remesh.h"

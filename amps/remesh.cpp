@@ -151,7 +151,7 @@ Dual restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vect
 
 /// The ends of the parts of remesh() in the range of progress.
 struct RemeshParts {
-  double sampling, optimization, extraction;
+  double sampling, optimization, extraction, fit;
 
   RemeshParts(const MeshView& mesh, const SamplingOptions& options, const RemeshOptions& all) {
     // Microseconds a sample or facet, roughly.
@@ -162,8 +162,14 @@ struct RemeshParts {
     optimization = sampling;
     if (all.optimize) optimization += optimization_cost(all.optimization, samples, is_one_radius(options.sizing));
     extraction = optimization + kExtractionCost * samples;
-    const double end = extraction + kReportCost * samples + kReportFacetCost * facets;
-    for (double* share : {&sampling, &optimization, &extraction}) *share /= end;
+    fit = extraction;
+    if (all.fit != Fit::kOff) {
+      constexpr double kNormalCost = 10, kFreeCost = 100, kFitFacetCost = 1.5;
+      const double cost = all.fit == Fit::kNormal ? kNormalCost : kFreeCost;
+      fit += kFitFacetCost * facets + cost * samples / options.execution.workers();
+    }
+    const double end = fit + kReportCost * samples + kReportFacetCost * facets;
+    for (double* share : {&sampling, &optimization, &extraction, &fit}) *share /= end;
   }
 };
 
@@ -370,6 +376,31 @@ bool misses(Index count, Index target) {
   return target > 0 && std::abs(count - target) > std::max(1.0, kTolerance * target);
 }
 
+/// Moves the vertices off the surface; those on curves with the curves, and corners stay.
+void fit_mesh(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run, const RemeshOptions& options,
+              const Execution& execution, RemeshResult& result) {
+  if (!(total_area(result.mesh, execution.part(0, 0.01)) > 0)) return;
+  FitOptions fit;
+  fit.fit = options.fit;
+  if (options.optimize) {
+    fit.min_angle = result.report.optimization.min_angle;
+    fit.max_angle = result.report.optimization.max_angle;
+  }
+  if (surface.curves != nullptr && run.curves != nullptr) {
+    fit.curve_edges = run.curves->edges;
+    for (const Curve& curve : surface.curves->curves) {
+      for (std::size_t k = 0; k < curve.edges.size(); ++k) {
+        fit.input_curve_edges.push_back({curve.vertices[k], curve.vertices[k + 1]});
+      }
+    }
+    for (std::size_t s = 0; s < result.samples.dimensions.size(); ++s) {
+      if (result.samples.dimensions[s] == 0) fit.fixed.push_back(static_cast<Index>(s));
+    }
+  }
+  fit.execution = execution.part(0.01, 1);
+  result.mesh.vertices = fit_vertices(mesh, result.mesh, fit, &result.report.fit);
+}
+
 /// remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
 void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, const Execution& execution,
                        const RemeshParts& parts, RemeshResult& result) {
@@ -428,8 +459,11 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   }
   report_curves(surface_of_input, run, result);
   result.report.seconds_remesh = watch.lap();
-  measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.extraction, 1, "measuring the result"),
-          result);
+  if (options.fit != Fit::kOff) {
+    fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.extraction, parts.fit, "fitting vertices"), result);
+    watch.lap();
+  }
+  measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.fit, 1, "measuring the result"), result);
   result.report.seconds_report = watch.lap();
   if (misses(result.samples.size(), options.sampling.target_count)) status = std::max(status, Outcome::kCountMissed);
   if (!lost_shape(result.report).empty()) status = std::max(status, Outcome::kShapeChanged);

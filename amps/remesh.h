@@ -16,6 +16,7 @@
 #include "amps/base.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
+#include "amps/fit.h"
 #include "amps/maximality.h"
 #include "amps/mesh.h"
 #include "amps/optimize.h"
@@ -48,6 +49,9 @@ struct RemeshOptions {
   bool optimize = true;
   /// How. Sizing, conflict rule, seed and execution are those of `sampling`.
   OptimizeOptions optimization;
+  /// Vertices of the mesh leave the surface so that its triangles lie closer to it (fit.h); the samples stay, with all that is
+  /// proved of them. Bounds of angles that were reached stay, and edges within what they were.
+  Fit fit = Fit::kOff;
 };
 
 /// What was kept of the curves of the input.
@@ -71,6 +75,7 @@ struct RemeshReport {
   TopologyReport input;         ///< topology of the input: equal positions one vertex, repeated facets one facet
   TopologyReport output;        ///< topology of the result
   QualityReport quality;        ///< of the result
+  FitReport fit;                ///< all 0 if there was none
   MaximalityReport maximality;  ///< certificate of the samples, from the diagram the triangles are dual to
   /// Where it holds, the result has the topology of the surface, curves included: proved, not measured. Of no cells where disks
   /// are balls. (`failures` are of sites of the diagram: of vertices, where nothing was optimised.)
@@ -81,7 +86,8 @@ struct RemeshReport {
 };
 
 struct RemeshResult {
-  Mesh mesh;                   ///< vertices are the samples, in order: row i of mesh.vertices is row i of samples.positions
+  /// Row i of mesh.vertices is row i of samples.positions or, fitted, where that sample has gone to.
+  Mesh mesh;
   SampleSet samples;           ///< facet and barycentric coordinates per output vertex
   std::vector<Index> facets;   ///< by triangle: a facet of the input on which its three cells meet
   std::vector<Index> patches;  ///< by triangle: that facet's patch (CurveGraph::patch_of_facet); all 0 where disks are balls

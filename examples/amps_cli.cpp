@@ -158,12 +158,21 @@ void write_result(const std::string& path, const amps::RemeshResult& result, con
   amps::write_mesh(path, {result.mesh.vertices, triangles}, writing, execution);
 }
 
+amps::Fit fit_of(const Arguments& arguments) {
+  const std::string how = arguments.text("--fit", "none");
+  for (const amps::Fit fit : {amps::Fit::kOff, amps::Fit::kNormal, amps::Fit::kFree}) {
+    if (how == amps::name_of(fit)) return fit;
+  }
+  throw arguments.error("--fit " + how + ": name none, normal or free");
+}
+
 int run_remesh(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments);
   amps::RemeshOptions options;
   options.sampling = sampling_options(arguments, amps::Neighborhood::kSurface);
   options.curves = curve_options(arguments);
   set_optimization(arguments, options);
+  options.fit = fit_of(arguments);
   if (arguments.has("--convergence")) require_writable(arguments, arguments.text("--convergence"));
   require_mesh_output(arguments, arguments.operand(1));
   if (arguments.has("--samples")) require_sample_output(arguments, arguments.text("--samples"));
@@ -202,9 +211,10 @@ int run_remesh(const Arguments& arguments) {
     seconds.push_back(stage);
     told += stage.second;
   }
-  told += report.seconds_optimize + report.seconds_remesh;
+  told += report.seconds_optimize + report.seconds_remesh + report.fit.seconds;
   seconds.insert(seconds.end(), {{"optimize", report.seconds_optimize},
                                  {"remesh", report.seconds_remesh},
+                                 {"fit", report.fit.seconds},
                                  {"checks", std::max(0.0, seconds_work - told)},
                                  {"write", seconds_write},
                                  {"total", total.seconds()}});
@@ -218,6 +228,7 @@ int run_remesh(const Arguments& arguments) {
   add_radii(json, result.samples);
   add_sampling(json, report.sampling);
   add_optimization(json, report.optimization);
+  add_fit(json, options.fit, report.fit);
   add_quality(json, report.quality, radius);
   add_maximality(json, report.maximality);
   add_curves(json, report.curves);
@@ -237,6 +248,7 @@ int run_remesh(const Arguments& arguments) {
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
   print_radii(table, result.samples);
   print_optimization(table, options.optimization, report.optimization);
+  print_fit(table, options.fit, report.fit);
   print_quality(table, report.quality, radius);
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
@@ -535,6 +547,7 @@ const std::vector<Command>& commands() {
         {"--optimize", "WHAT", "angle,valence (default), angle, valence, or none"},
         {"--angle-min", "DEG", "least angle to reach, below 60"},
         {"--angle-max", "DEG", "greatest angle to reach, above 60"},
+        {"--fit", "HOW", "vertices leave the surface so that triangles lie closer to it: none (default), normal or free"},
         {"--iterations", "N", "stop optimising after so many visits to all that is bad"},
         {"--convergence", "FILE", "write the course of optimisation as CSV"},
         kSeed,

@@ -213,6 +213,25 @@ inline void add_quality(Json& json, const amps::QualityReport& report, double ra
       .close();
 }
 
+inline void print_fit(const Table& table, amps::Fit fit, const amps::FitReport& report) {
+  if (fit == amps::Fit::kOff) return;
+  table.row("distance, RMS", format("%.3g to %.3g by fit", report.rms_before, report.rms_after));
+}
+
+inline void add_fit(Json& json, amps::Fit fit, const amps::FitReport& report) {
+  if (fit == amps::Fit::kOff) return;
+  json.open("fit")
+      .add("kind", amps::name_of(fit))
+      .add("rms_before", report.rms_before)
+      .add("rms_after", report.rms_after)
+      .add("max_before", report.max_before)
+      .add("max_after", report.max_after)
+      .add("moved", report.moved)
+      .add("held_back", report.held_back)
+      .add("rounds", report.rounds)
+      .close();
+}
+
 /// Wall-clock seconds by stage, in order.
 using Seconds = std::vector<std::pair<const char*, double>>;
 

@@ -129,11 +129,18 @@ grep -q '"status": "done"' acute.json || fail "optimisation is not done"
 tail -n 1 course.csv | grep -q '^[0-9]*,0,0,' || fail "the last line of the course has something bad"
 run 0 remesh torus.obj plain.obj --vertices 1200 --optimize none --json plain.json
 grep -q '"optimization"' plain.json && fail "--optimize none optimises"
+run 0 remesh torus.obj fitted.obj --vertices 1200 --fit free --samples on_torus.xyzr --json fitted.json
+grep -q '"kind": "free"' fitted.json || fail "no fit is told"
+run 0 remesh torus.obj unfitted.obj --vertices 1200 --samples on_torus_too.xyzr --json unfitted.json
+grep -q '"fit": {' unfitted.json && fail "fits unasked"
+cmp -s on_torus.xyzr on_torus_too.xyzr || fail "a fit moves samples"
+cmp -s fitted.obj unfitted.obj && fail "a fit moves nothing"
 run 0 remesh torus.obj one.obj --vertices 1200 --optimize angle --iterations 1 --json one.json
 [ "$(grep -c '"status": "iteration limit"' one.json)" = 2 ] || fail "--iterations 1 does not stop"
 run 0 remesh torus.obj stalled.obj --vertices 60 --angle-min 59 --angle-max 61 --json stalled.json
 [ "$(grep -c '"status": "stalled"' stalled.json)" = 2 ] || fail "bounds out of reach are not reported as stalled"
 bad "name angle" remesh torus.obj no.obj --vertices 100 --optimize angels
+bad "none, normal or free" remesh torus.obj no.obj --vertices 100 --fit tight
 bad "goes with" remesh torus.obj no.obj --vertices 100 --optimize valence --angle-min 40
 bad "does not go" remesh torus.obj no.obj --vertices 100 --optimize none --convergence course2.csv
 run 2 remesh torus.obj no.obj --vertices 100 --angle-min 61

@@ -7,6 +7,7 @@
 #include "kit/samples.h"
 
 #include "amps/execution.h"
+#include "amps/fit.h"
 #include "amps/kdtree.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
@@ -45,6 +46,8 @@ std::vector<double> field_numbers(const SizingField& field) {
   }
   return result;
 }
+
+std::vector<double> numbers_of(const amps::Points& points) { return {points.data(), points.data() + points.size()}; }
 
 std::vector<Call> calls() {
   static const Mesh mesh = amps::make_torus(1, 0.4, 160, 64);
@@ -121,6 +124,19 @@ std::vector<Call> calls() {
          amps::DistanceOptions options;
          options.execution = e;
          return std::vector<double>{amps::one_sided_distance(coarse, mesh, options).mean};
+       }},
+      {"fit",
+       [](const Execution& e) {
+         amps::FitOptions options;
+         options.execution = e;
+         return numbers_of(amps::fit_vertices(mesh, coarse, options));
+       }},
+      {"free fit",
+       [](const Execution& e) {
+         amps::FitOptions options;
+         options.fit = amps::Fit::kFree;
+         options.execution = e;
+         return numbers_of(amps::fit_vertices(mesh, coarse, options));
        }},
       {"gradation", [](const Execution& e) { return field_numbers(uneven.limited(0.1, e)); }},
       {"count", [](const Execution& e) { return field_numbers(amps::for_count(uneven, 5000, 0.1, e)); }},
