@@ -77,6 +77,8 @@
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
 //   mesh_io_samples         (its .cpp only) sample files, lists of numbers
 //   quality.h        angles, edges, areas, valences
+//   spectrum.h       power spectra of point sets in the plane, differential-domain analysis on surfaces
+//   spectrum_differential   (its .cpp only) the latter
 //   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces
 //   self_intersections.h  facets that cross, touch or overlap
 //   fit_system.h     (internal) offsets of vertices by least squares
@@ -107,6 +109,7 @@
 #include "amps/optimize.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
+#include "amps/spectrum.h"
 #include "amps/surface_tree.h"
 #include "amps/surface_distance.h"
 #include "amps/self_intersections.h"

@@ -12,6 +12,34 @@ double portable_sine(double x) {
   return x * sum;
 }
 
+double portable_arcsine(double x) {
+  // Halving the angle three times, sin(α/2) = sin α / √(2 (1 + cos α)), leaves |x| ≤ sin(π/16) < 0.196: the remainder of the
+  // series, whose coefficients are below 0.1/k, is less than 0.196²⁹/100 < 1e-21.
+  constexpr int kHalvings = 3, kTerms = 14;
+  for (int k = 0; k < kHalvings; ++k) x /= std::sqrt(2 * (1 + std::sqrt((1 - x) * (1 + x))));
+  double sum = 0;  // Σ (2k)! / (4^k k!² (2k + 1)) x^(2k), each term from the next
+  for (int k = kTerms; k >= 1; --k) sum = (2 * k - 1.0) / (2.0 * k) * x * x * (1.0 / (2 * k + 1) + sum);
+  return (1 << kHalvings) * (x + x * sum);
+}
+
+Phase portable_phase(double turns) {
+  // Subtractions of whole turns and of quarters are exact but for turns < 0 of less than a unit in the last place of 1.
+  const double t = turns - std::floor(turns);
+  const int quarter = static_cast<int>(4 * t + 0.5);
+  const double angle = 2 * kPi * (t - 0.25 * quarter);  // in [−π/4, π/4]
+  const double s = portable_sine(angle), c = portable_sine(kPi / 2 - std::abs(angle));
+  switch (quarter % 4) {
+    case 0:
+      return {c, s};
+    case 1:
+      return {-s, c};
+    case 2:
+      return {-c, -s};
+    default:
+      return {s, -c};
+  }
+}
+
 double portable_atanh_over(double s) {
   // The remainder of the series is below s²⁴/25 < 1e-19.
   const double q = s * s;

@@ -19,6 +19,15 @@ double portable_sine(double x);
 /// The cosine of an angle in [0, 180] degrees; exactly 0 for 90.
 inline double portable_cosine(double angle_in_degrees) { return portable_sine(to_radians(90 - angle_in_degrees)); }
 
+/// arcsin x, |x| ≤ 1.
+double portable_arcsine(double x);
+
+/// exp(2πi t) for any finite t: of t itself, exactly reduced to one turn.
+struct Phase {
+  double cosine, sine;
+};
+Phase portable_phase(double turns);
+
 /// ln x, x > 0 and finite.
 double portable_log(double x);
 
