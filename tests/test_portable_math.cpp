@@ -45,3 +45,20 @@ TEST_CASE("portable_math: values keep their bits") {
   CHECK(detail::portable_log(1e-300) == -0x1.5963447f87fb5p+9);
   CHECK(detail::portable_atanh_over(0.1) == 0x1.00dbc60360a8bp+0);
 }
+
+TEST_CASE("portable_math: phases and arcsines are those of long doubles") {
+  constexpr double kError = 6e-16;
+  Rng rng(2);
+  for (int i = 0; i < 20'000; ++i) {
+    const double t = i < 100 ? (i - 50) / 8.0 : 20 * rng.uniform() - 10;
+    const detail::Phase phase = detail::portable_phase(t);
+    const long double angle = 2 * std::acos(-1.0L) * t;
+    CHECK(std::abs(static_cast<double>(phase.cosine - std::cos(angle))) < kError);
+    CHECK(std::abs(static_cast<double>(phase.sine - std::sin(angle))) < kError);
+    const double x = i <= 100 ? (i - 50) / 50.0 : 2 * rng.uniform() - 1;
+    CHECK(std::abs(static_cast<double>(detail::portable_arcsine(x) - std::asin(static_cast<long double>(x)))) < kError);
+  }
+  CHECK(detail::portable_phase(0.25).cosine == 0);
+  CHECK(detail::portable_phase(-3.0).sine == 0);
+  CHECK(detail::portable_arcsine(0) == 0);
+}
