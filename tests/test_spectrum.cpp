@@ -496,10 +496,37 @@ TEST_CASE("differential spectrum: varying radii are scaled away") {
     options.seed = static_cast<std::uint64_t>(10 + k);
     sets.push_back(amps::sample(square, options).samples);
   }
-  const DifferentialReport report = differential_spectrum(square, sets);
-  check_void(report);
-  CHECK(mean_between(report, report.radial_mean, 1, 1.15) > 1.2);
-  CHECK(mean_between(report, report.radial_mean, 3.5, 5) == Approx(1).epsilon(0.04));
+  // On the mesh itself, and on one whose facets are far larger than the radii vary over.
+  for (const Index cells : {30, 1}) {
+    if (cells == 1) {
+      for (SampleSet& set : sets) {
+        set.facets.clear();
+        set.barycentrics = Points();
+      }
+    }
+    const DifferentialReport report = differential_spectrum(amps::make_square(cells), sets);
+    check_void(report);
+    CHECK(mean_between(report, report.radial_mean, 1, 1.15) > 1.2);
+    CHECK(mean_between(report, report.radial_mean, 3.5, 5) == Approx(1).epsilon(0.04));
+  }
+}
+
+TEST_CASE("differential spectrum: no order is that of density 1/r², on facets of any size") {
+  // Of samples that are as dense everywhere, nπr² others are within r, where ∫ 1/r² dA gives nπ / ∫ 1/r² dA: the mean of r²
+  // times that of 1/r² as many.
+  constexpr double kLeast = 0.008, kMost = 0.038;
+  constexpr double kExpected = (kMost * kMost + kMost * kLeast + kLeast * kLeast) / 3 / (kLeast * kMost);
+  for (const Index cells : {1, 40}) {
+    std::vector<SampleSet> sets = noise_on_square(2, 3000);
+    for (SampleSet& set : sets) {
+      for (Index i = 0; i < set.size(); ++i) set.radii[at(i)] = kLeast + (kMost - kLeast) * set.positions(i, 0);
+    }
+    DifferentialOptions options;
+    options.range = 1;
+    options.bins = 1;
+    const DifferentialReport report = differential_spectrum(amps::make_square(cells), sets, options);
+    CHECK(report.radial_mean[0] == Approx(kExpected).epsilon(0.05));
+  }
 }
 
 TEST_CASE("differential spectrum: sheets do not see each other") {
