@@ -14,6 +14,7 @@
 #include "cli_output.h"
 #include "cli_report.h"
 #include "cli_sizing.h"
+#include "cli_spectrum.h"
 #include "cli_watch.h"
 #include "render_png.h"
 
@@ -473,11 +474,7 @@ int run_render(const Arguments& arguments) {
   for (const char* name : {"--features", "--radius"}) {
     if (arguments.has(name) && !curves) throw arguments.error(std::string(name) + " is for curves: say --curves as well");
   }
-  std::string extension = fs::path(arguments.operand(1)).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
-  if (extension != ".png") throw arguments.error("cannot draw " + arguments.operand(1) + ": name a .png file");
-  require_writable(arguments, arguments.operand(1));
+  require_picture_output(arguments, arguments.operand(1));
   Watch watch(arguments.quiet(), threads_of(arguments));
   const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
   if (curves) {
@@ -490,6 +487,31 @@ int run_render(const Arguments& arguments) {
   const render::Image image = render::draw(mesh, options);
   write_file(arguments.operand(1), render::encode_png(image, watch.part(0.6, 1)));
   watch.finish();
+  return kExitDone;
+}
+
+int run_spectrum(const Arguments& arguments) {
+  const SpectrumRequest request = spectrum_request(arguments);
+  for (const char* name : {"--csv", "--json"}) {
+    if (arguments.has(name)) require_writable(arguments, arguments.text(name));
+  }
+  if (arguments.has("--png")) require_picture_output(arguments, arguments.text("--png"));
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const MeasuredSpectrum measured = measure_spectrum(arguments, request, watch);
+  std::string png;
+  if (arguments.has("--png")) png = render::encode_png(picture_of(measured), watch.part(kWorked, 1));
+  watch.finish();
+
+  if (arguments.has("--csv")) write_file(arguments.text("--csv"), csv_of(measured));
+  if (arguments.has("--png")) write_file(arguments.text("--png"), png);
+  Json json = begin_json("spectrum");
+  const Table table(arguments.quiet());
+  if (measured.in_plane) {
+    tell(measured.plane, request, table, json);
+  } else {
+    tell(measured.surface, table, json);
+  }
+  write_json(arguments, json);
   return kExitDone;
 }
 
@@ -576,6 +598,22 @@ const std::vector<Command>& commands() {
        "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not.",
        {kInSpace, kThreads, kJson},
        run_gaps},
+      {"spectrum",
+       "IN SAMPLES...",
+       "how random, even and isotropic are sets of samples?",
+       "SAMPLES are sample sets (.xyzr .ply .csv) on the mesh IN, best ten or more of the same kind by different seeds: all\n"
+       "numbers are means over them. Where IN is a rectangle along the axes, at one z, what is measured is the power by\n"
+       "frequency in the square in its middle (white noise: 1): radial mean and anisotropy, effective Nyquist frequency and\n"
+       "oscillation. On any other mesh, it is the density of differences between samples, in radii along the surface.",
+       {{"--csv", "FILE", "write radial mean and anisotropy as curves"},
+        {"--png", "FILE", "draw power by frequency, or density of differences: black 0, grey 1, white 2 or more"},
+        {"--border", "HOW", "window (default): the square is a part of something; periodic: it goes on as itself"},
+        {"--max-frequency", "F", "periods a side, 4 to 8192 (default: 4 times the root of the number of samples)"},
+        {"--differences", nullptr, "differences in any case"},
+        {"--range", "R", "greatest difference, in radii (default 5)"},
+        kThreads,
+        kJson},
+       run_spectrum},
       {"info",
        "IN",
        "say what a mesh is like, and what is wrong with it",

@@ -30,7 +30,7 @@ class Arguments;
 
 struct Command {
   const char* name;
-  const char* operands;  ///< as in the synopsis; those in brackets may be left out
+  const char* operands;  ///< as in the synopsis; those in brackets may be left out, one with dots given several times
   const char* summary;
   const char* details;
   std::vector<Option> options;
@@ -174,5 +174,6 @@ Arguments::Arguments(const Command& command, const std::vector<std::string>& wor
   const auto most = static_cast<std::size_t>(std::count(synopsis.begin(), synopsis.end(), ' ')) + 1;
   const std::size_t least = most - static_cast<std::size_t>(std::count(synopsis.begin(), synopsis.end(), '['));
   if (operands_.size() < least) throw error("too few arguments, it wants " + synopsis);
-  if (operands_.size() > most) throw error("one argument too many: '" + operands_[most] + "'");
+  const bool any_number = synopsis.find("...") != std::string::npos;
+  if (operands_.size() > most && !any_number) throw error("one argument too many: '" + operands_[most] + "'");
 }

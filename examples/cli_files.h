@@ -5,6 +5,7 @@
 #include "cli_arguments.h"
 #include "cli_output.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -65,6 +66,14 @@ inline void require_line_output(const Arguments& arguments, const std::string& p
   if (amps::mesh_format(path) != amps::MeshFormat::kObj) {
     throw arguments.error("no lines can be in " + path + ": name an .obj file");
   }
+}
+
+inline void require_picture_output(const Arguments& arguments, const std::string& path) {
+  std::string extension = fs::path(path).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  if (extension != ".png") throw arguments.error("cannot draw " + path + ": name a .png file");
+  require_writable(arguments, path);
 }
 
 inline void require_sample_output(const Arguments& arguments, const std::string& path) {

@@ -45,7 +45,7 @@ number() {
 echo "-- help"
 run 0 --help
 run 0 --version
-for command in sample remesh curves gaps info make render; do
+for command in sample remesh curves gaps spectrum info make render; do
   run 0 "$command" --help
   grep -q "^usage: amps $command " log/out || fail "help of $command has no synopsis"
   # shellcheck disable=SC2013  # options are words
@@ -109,6 +109,38 @@ for extension in ply csv; do
   run 0 sample torus.obj set.$extension --radius 0.1 --seed 3
   run 0 gaps torus.obj set.$extension
 done
+
+echo "-- spectra"
+for seed in 1 2 3 4; do
+  run 0 sample square.obj square_$seed.xyzr --radius 0.04 --seed $seed --quiet
+done
+run 0 spectrum square.obj square_?.xyzr --csv power.csv --png power.png --json power.json --threads 1
+grep -q '"kind": "periodogram"' power.json || fail "no periodogram of a square"
+[ "$(number sets power.json)" -eq 4 ] || fail "not four sets"
+awk -v nyquist="$(number effective_nyquist power.json)" 'BEGIN { exit !(nyquist > 0.5 && nyquist < 0.9) }' || fail "effective Nyquist"
+awk -F, 'NR == 1 { exit $3 != "radial_mean" }' power.csv || fail "the head of the power"
+awk -F, 'NR > 3 && $1 < 7 && $3 > 0.3 { exit 1 }' power.csv || fail "power at low frequencies"
+[ "$(head -c 4 power.png | tail -c 3)" = PNG ] || fail "power.png is no PNG"
+run 0 spectrum square.obj square_?.xyzr --csv power_2.csv --png power_2.png --threads 2 --quiet
+[ ! -s log/out ] || fail "--quiet prints"
+cmp power.csv power_2.csv || fail "the power depends on the threads"
+cmp power.png power_2.png || fail "the picture of the power depends on the threads"
+run 0 spectrum square.obj square_1.xyzr --border periodic --max-frequency 20 --csv periodic.csv
+[ "$(wc -l <periodic.csv)" -eq 21 ] || fail "not 20 rings"
+run 0 spectrum torus.obj set.xyzr --csv differences.csv --png differences.png --json differences.json
+grep -q '"kind": "differences"' differences.json || fail "no differences on a torus"
+awk -v least="$(number min_distance differences.json)" 'BEGIN { exit !(least >= 1 - 1e-9 && least < 1.2) }' || fail "least distance"
+awk -F, 'NR > 1 && $1 < 0.97 && $2 != 0 { exit 1 }' differences.csv || fail "differences below r"
+run 0 spectrum square.obj square_1.xyzr --differences --range 3 --json differences.json
+awk -v range="$(number range differences.json)" 'BEGIN { exit range != 3 }' || fail "--range 3"
+bad "too few" spectrum square.obj
+bad "periodograms" spectrum torus.obj set.xyzr --border window
+bad "periodograms" spectrum square.obj square_1.xyzr --differences --max-frequency 20
+bad "say --differences" spectrum square.obj square_1.xyzr --range 3
+bad "window or periodic" spectrum square.obj square_1.xyzr --border round
+bad "missing.xyzr" spectrum square.obj square_1.xyzr missing.xyzr
+bad "png" spectrum square.obj square_1.xyzr --png no.jpg
+bad "nowhere" spectrum square.obj square_1.xyzr --csv nowhere/no.csv
 
 echo "-- remeshing"
 run 0 remesh knot.obj out.obj --vertices 1500 --samples out.xyzr --json out.json
@@ -418,6 +450,7 @@ if command -v timeout >log/which 2>&1; then
   interrupted sample big.obj new.xyzr --sizing lfs --rmin 0.0005 --json new.json
   interrupted info big.obj --reference torus.obj --json new.json
   interrupted render torus.obj new.png --size 8192
+  interrupted spectrum square.obj square_?.xyzr --max-frequency 8192 --csv new.csv --png new.png
 fi
 
 [ "$failures" -eq 0 ] || { echo "$failures failed"; exit 1; }
