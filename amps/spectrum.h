@@ -80,8 +80,8 @@ struct SpectrumReport {
 /// The spectrum of sets of points in a square, averaged over them. With a window, points outside the square do not count.
 /// Throws Error: kInvalidArgument (no set; one with no point in the square, or one that is not finite; periodic, and a point
 /// outside the square; options out of range), kCancelled. O(n·max_frequency²) a set, shared by the threads: by default O(n²), a
-/// second for 4,000 points. Memory: 32·max_frequency² bytes. Thread-safe. The result does not depend on the threads: phases are
-/// off by at most 1e-15·max_frequency, and each sum is taken in the order of the points.
+/// quarter of a second for 4,000 points. Memory: 32·max_frequency² bytes. Thread-safe. The result does not depend on the
+/// threads: phases are off by at most 1e-15·max_frequency, and each sum is taken in the order of the points.
 SpectrumReport spectrum(const std::vector<PointsView>& sets, const SpectrumOptions& options = {});
 
 /// Views of the positions of sets that outlive them.

@@ -600,7 +600,7 @@ const std::vector<Command>& commands() {
        run_gaps},
       {"spectrum",
        "IN SAMPLES...",
-       "how random, even and isotropic are sets of samples?",
+       "say how random, even and isotropic sets of samples are",
        "SAMPLES are sample sets (.xyzr .ply .csv) on the mesh IN, best ten or more of the same kind by different seeds: all\n"
        "numbers are means over them. Where IN is a rectangle along the axes, at one z, what is measured is the power by\n"
        "frequency in the square in its middle (white noise: 1): radial mean and anisotropy, effective Nyquist frequency and\n"
