@@ -42,7 +42,7 @@
 //   triangulation_queries   (its .cpp only) cells, neighbours, location, the proof of all invariants
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
-//   site_grid.h      (internal) sites by place, while they come and go
+//   site_tree.h      (internal) sites by place, while they come and go
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
 //   power_diagram_clipper  (internal) its polygons, cut by bisectors
 //   power_diagram_edit     (its .cpp only) inserting and removing sites
