@@ -337,7 +337,7 @@ SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, Samplin
     const double next = surface.preserve ? done + kShare * (1 - done) : 1;
     sampling.execution = execution.part(done, next);
     done = next;
-    surface.may_change = k < kMaxPromotions && !surface.curves->dropped.empty();
+    surface.may_change = k < kMaxPromotions && surface.curves != nullptr && !surface.curves->dropped.empty();
     SamplingRun run = sample_with_diagram(mesh, sampling, surface);
     if (run.changed_facets.empty() || run.result.status == Outcome::kCancelled) return run;
     const std::vector<std::array<Index, 2>> sharp = dropped_edges_at(surface, run.changed_facets);

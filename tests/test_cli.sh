@@ -276,11 +276,12 @@ bad "missing.obj" curves box.obj --keep missing.obj
 bad "does not go with" remesh box.obj no.obj --vertices 100 --keep box_lines.obj --neighborhood space
 
 echo "-- a shape that is lost"
-run 4 remesh torus.obj lost.obj --radius 3 --json lost.json --samples lost.xyzr
+# Balls: where disks know the surface, radii fall until the shape is kept.
+run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --json lost.json --samples lost.xyzr
 grep -q '^amps: nothing of the shape is left' log/err || fail "an empty result: $(cat log/err)"
 grep -q '"status": "shape changed"' lost.json || fail "the status of an empty result: $(grep status lost.json)"
 { [ -s lost.obj ] && [ -s lost.xyzr ]; } || fail "results of a shape that is lost are not written"
-run 4 remesh torus.obj lost.obj --radius 3 --quiet
+run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --quiet
 [ ! -s log/out ] || fail "--quiet prints"
 
 echo "-- the same seed, the same bytes"
