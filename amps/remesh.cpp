@@ -213,7 +213,15 @@ void measure_beside_curves(const Mesh& mesh, const OptimizeReport& asked, const 
 void measure(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run, ConflictRule rule,
              const Execution& execution, RemeshResult& result) {
   result.report.input = surface_topology(mesh, execution.part(0, 0.05));
-  result.report.output = topology(result.mesh, execution.part(0.05, 0.3));
+  result.report.output = topology(result.mesh, execution.part(0.05, 0.25));
+  SelfIntersectionOptions crossing;
+  crossing.max_pairs = 0;
+  crossing.execution = execution.part(0.25, 0.28);
+  result.report.self_intersections = find_self_intersections(result.mesh, crossing).num_pairs;
+  if (result.report.self_intersections > 0) {
+    crossing.execution = execution.part(0.28, 0.3);
+    result.report.input_self_intersections = find_self_intersections(mesh, crossing).num_pairs;
+  }
   result.report.quality = quality(result.mesh, execution.part(0.3, 0.4));
   if (run.curves != nullptr) {
     measure_beside_curves(result.mesh, result.report.optimization, execution.part(0.4, 0.45), result.report.curves);
@@ -503,6 +511,9 @@ std::string lost_shape(const RemeshReport& report) {
     const Index edges = report.curves.edges - report.curves.edges_kept;
     lost += (lost.empty() ? "" : ", ") + std::to_string(edges) + " of " + std::to_string(report.curves.edges) +
             " edges along curves are not in the result";
+  }
+  if (knows_surface && report.self_intersections > 0 && report.input_self_intersections == 0) {
+    lost += (lost.empty() ? "" : ", ") + std::to_string(report.self_intersections) + " pairs of triangles cross";
   }
   return lost.empty() ? lost : "the shape has changed: " + lost + remedy;
 }

@@ -22,9 +22,11 @@
 #include "amps/optimize.h"
 #include "amps/quality.h"
 #include "amps/sampling.h"
+#include "amps/self_intersections.h"
 #include "amps/topology_certificate.h"
 
 #include <array>
+#include <cstdint>
 #include <iosfwd>
 #include <string>
 #include <vector>
@@ -72,8 +74,11 @@ struct RemeshReport {
   SamplingReport sampling;      ///< of the set before optimisation
   OptimizeReport optimization;  ///< no iterations if there was none
   CurveReport curves;
-  TopologyReport input;         ///< topology of the input: equal positions one vertex, repeated facets one facet
-  TopologyReport output;        ///< topology of the result
+  TopologyReport input;   ///< topology of the input: equal positions one vertex, repeated facets one facet
+  TopologyReport output;  ///< topology of the result
+  /// Pairs of triangles of the result that cross, touch or overlap (self_intersections.h); and of the input, looked for only if
+  /// the result has some.
+  std::int64_t self_intersections = 0, input_self_intersections = 0;
   QualityReport quality;        ///< of the result
   FitReport fit;                ///< all 0 if there was none
   MaximalityReport maximality;  ///< certificate of the samples, from the diagram the triangles are dual to
@@ -100,8 +105,9 @@ struct RemeshResult {
 };
 
 /// What the result lacks of the shape of the surface, and what to do, in one line; empty if that is nothing: if the certificate
-/// holds, or components, Euler characteristic, boundary loops and edges of many facets are as many as before, and all edges of
-/// curves are kept. Where disks are balls, which join what is near, only an empty result counts.
+/// holds, or components, Euler characteristic, boundary loops and edges of many facets are as many as before, all edges of
+/// curves are kept, and no triangles cross where none did. Where disks are balls, which join what is near, only an empty result
+/// counts.
 std::string lost_shape(const RemeshReport& report);
 
 /// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and

@@ -29,6 +29,9 @@ constexpr double kTargetTolerance = 0.01;
 constexpr int kTargetAttempts = 100;
 constexpr int kMinTargetAttempts = 8;
 constexpr double kTargetSamples = 1e5;
+/// Curves that need so many samples, and so many times the wanted number, are refused: thin plates, needles.
+constexpr double kCurveSamples = 1e5;
+constexpr double kCurveSamplesPerTarget = 50;
 /// Refinement of the topology gives up at this many times the samples that there were, and so many more: a small part takes
 /// four and more samples where it had one.
 constexpr Index kMaxGrowth = 8;
@@ -332,6 +335,11 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
     CurveSamplingOptions along;
     along.seed = round.seed;
     if (!limits.empty()) along.limits = &limits;
+    // What refinement asks for counts in the set as a whole.
+    along.max_samples = options.max_samples;
+    if (options.target_count > 0 && limits.empty()) {
+      along.max_samples = std::min(along.max_samples, std::max(kCurveSamples, kCurveSamplesPerTarget * options.target_count));
+    }
     along.execution = execution.part(0, curves_end, "sampling curves");
     const bool complete = completes([&] {
       curves = std::make_shared<CurveSamples>(sample_curves(mesh, *surface.curves, *surface.flood, round.radii, along));
@@ -519,7 +527,10 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   const double refining = surface.preserve ? 1 - kRefinementShare : 1;
   const std::vector<RadiusCap> no_limits;
   const SamplingRound round{radii, surface, box, seed, no_limits, nullptr};
-  SamplingRun run = run_round(mesh, options, round, execution.part(0, refining));
+  SamplingRun run;
+  run.result.status = Outcome::kCancelled;  // until it has begun
+  run.result.report.seed = seed;
+  completes([&] { run = run_round(mesh, options, round, execution.part(0, refining)); });
   if (!surface.preserve || run.result.status != Outcome::kDone) return run;
   Stopwatch watch;
   const bool complete = completes(

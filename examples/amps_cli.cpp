@@ -231,6 +231,7 @@ int run_remesh(const Arguments& arguments) {
   add_fit(json, options.fit, report.fit);
   add_quality(json, report.quality, radius);
   add_maximality(json, report.maximality);
+  add_crossings(json, report);
   add_curves(json, report.curves);
   add_certificate(json, report.certificate);
   add_topology(json, "input", report.input);
@@ -245,6 +246,7 @@ int run_remesh(const Arguments& arguments) {
   print_topology(table, report.input, report.output);
   print_certificate(table, report.certificate);
   print_curves(table, report.curves);
+  print_crossings(table, report);
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
   print_radii(table, result.samples);
   print_optimization(table, options.optimization, report.optimization);
