@@ -172,10 +172,16 @@ void DiskSet::forget_reach(Index id) {
   if (knows_surface()) lists_->remove(id);
 }
 
-std::shared_ptr<const SurfaceFlood> flood_of(const MeshView& mesh, Neighborhood neighborhood, const Execution& execution) {
-  if (neighborhood != Neighborhood::kSurface) return nullptr;
-  return std::make_shared<const SurfaceFlood>(mesh, SurfaceEdges(mesh, execution.part(0, 0.7)), std::vector<char>(),
-                                              execution.part(0.7, 1));
+std::shared_ptr<const SurfaceFlood> flood_of(const MeshView& mesh, Neighborhood neighborhood, const Execution& execution,
+                                             const CurveGraph* curves) {
+  if (neighborhood != Neighborhood::kSurface) {
+    if (curves == nullptr || curves->empty()) return nullptr;
+    throw Error(ErrorCode::kInvalidArgument,
+                "samples: balls do not end at curves; set Neighborhood::kSurface, or leave them out");
+  }
+  const bool cut = curves != nullptr && !curves->empty();
+  return std::make_shared<const SurfaceFlood>(mesh, SurfaceEdges(mesh, execution.part(0, 0.7)),
+                                              cut ? curves->is_curve_edge : std::vector<char>(), execution.part(0.7, 1));
 }
 
 std::shared_ptr<DiskSet> disks_of(const MeshView& mesh, const SampleSet& samples, double min_radius, double max_radius,

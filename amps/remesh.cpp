@@ -429,6 +429,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   SamplingRun run = sample_preserving(mesh, curves, sampling, surface_of_input);
   result.samples = std::move(run.result.samples);
   result.report.sampling = run.result.report;
+  result.graph = surface_of_input.curves;
   if (surface_of_input.flood != nullptr) name_places(run, result.samples);
   if (run.result.status == Outcome::kCancelled) return;
 
@@ -437,14 +438,15 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   std::vector<Index> ids;
   if (options.optimize) {
     OptimizeOptions optimization = options.optimization;
-    optimization.sizing = sampling.sizing.empty() ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
+    const bool one_radius = is_one_radius(sampling.sizing);
+    optimization.sizing = one_radius ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
+    optimization.radius = one_radius ? result.report.sampling.radius : 0;
     optimization.conflict_rule = sampling.conflict_rule;
     optimization.seed = sampling.seed;
     optimization.execution = execution.part(parts.sampling, parts.optimization, "improving triangles");
     OptimizeSurface surface;
     if (run.disks->knows_surface()) surface.disks = run.disks.get();
     surface.caps = run.caps;
-    surface.radius = result.report.sampling.radius;
     surface.num_fixed = result.report.sampling.curve_samples;
     if (surface_of_input.preserve && run.changed_facets.empty()) {
       surface.topology = surface_of_input.topology.get();
@@ -482,9 +484,9 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
 }  // namespace detail
 
 Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution,
-                              Neighborhood neighborhood) {
+                              Neighborhood neighborhood, const CurveGraph* curves) {
   const Execution run = execution.start();
-  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9));
+  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9), curves);
   Mesh result{samples.positions,
               detail::restricted_triangles(set.diagram, {}, run.part(0.9, 1, "listing triangles")).triangles};
   run.finish();

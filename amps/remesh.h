@@ -28,6 +28,7 @@
 #include <array>
 #include <cstdint>
 #include <iosfwd>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -49,7 +50,7 @@ struct RemeshOptions {
   Topology topology = Topology::kPreserve;
   /// Improve angles and valences of the maximal set.
   bool optimize = true;
-  /// How. Sizing, conflict rule, seed and execution are those of `sampling`.
+  /// How. Sizing, radius, conflict rule, seed and execution are those of `sampling`.
   OptimizeOptions optimization;
   /// Vertices of the mesh leave the surface so that its triangles lie closer to it (fit.h); the samples stay, with all that is
   /// proved of them. Bounds of angles that were reached stay, and edges within what they were.
@@ -96,6 +97,8 @@ struct RemeshResult {
   SampleSet samples;           ///< facet and barycentric coordinates per output vertex
   std::vector<Index> facets;   ///< by triangle: a facet of the input on which its three cells meet
   std::vector<Index> patches;  ///< by triangle: that facet's patch (CurveGraph::patch_of_facet); all 0 where disks are balls
+  /// The curves that samples, patches and edges are of; null where disks are balls.
+  std::shared_ptr<const CurveGraph> graph;
   /// Pairs of vertices along the curves that were kept, #E; curve by curve.
   std::vector<std::array<Index, 2>> curve_edges;
   RemeshReport report;
@@ -120,8 +123,8 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 /// input has evenly many facets (equal positions being one vertex, and facets that are there twice one facet), every edge of
 /// the result has evenly many triangles, for any set: the dual of a closed surface has no boundary. Oriented as the surface
 /// under it, then made consistent across manifold edges by majority per component, so inputs with flipped facets come out right
-/// wherever the output is orientable. Cancelled, it throws Error(kCancelled).
+/// wherever the output is orientable. Cancelled, it throws Error(kCancelled). `curves`: as verify_maximal().
 Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                              Neighborhood neighborhood = Neighborhood::kSpace);
+                              Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
 
 }  // namespace amps

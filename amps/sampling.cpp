@@ -687,7 +687,8 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
   if (options.radius != 0 || !options.sizing.empty()) detail::require_one_sizing(mesh, options);
   const double smallest = detail::min_radius(existing);
   const double radius = options.radius == 0 ? smallest : options.radius;
-  if (radius > smallest) {
+  // Over a surface new disks are lowered where they would cover a sample.
+  if (radius > smallest && options.neighborhood != Neighborhood::kSurface) {
     throw Error(ErrorCode::kInvalidArgument, "sampling: new disks of radius " + detail::number_text(radius) +
                                                  " could cover existing samples; use at most the smallest existing radius, " +
                                                  detail::number_text(smallest));

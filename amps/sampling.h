@@ -90,8 +90,8 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
 /// The second stage alone, for a set made elsewhere: adds samples where the surface is uncovered until nothing is. Existing
 /// samples stay first, unchanged and in order; those that are closer than they should be stay so. The radius of new samples is
 /// the option's (0: the smallest in `existing`) and must not exceed the smallest in `existing`, so that no new disk covers an
-/// old sample; or that of `sizing`, less where it would cover a sample. Samples of `existing` without facet and barycentrics
-/// get facet kNone and zeros in the result. Errors as sample() and verify_maximal().
+/// old sample; or, over a surface and with `sizing`, what is wanted, less where it would cover a sample. Samples of `existing`
+/// without facet and barycentrics get facet kNone and zeros in the result. Errors as sample() and verify_maximal().
 SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options);
 
 namespace detail {
