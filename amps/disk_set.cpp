@@ -134,8 +134,9 @@ double DiskSet::lowered_radius(const SurfacePoint& x, double wanted, const Wante
 /// The grid is made for equal radii, or for those from min_radius_ on; over a surface some fall below.
 void DiskSet::widen_grid(double radius) {
   constexpr double kOctaves = 16;  // levels without samples cost nothing
-  min_radius_ = std::min(min_radius_, radius) / kOctaves;
+  min_radius_ = std::min(min_radius_, radius);
   max_radius_ = std::max(max_radius_, radius);
+  if (VoxelGrid::fits(box_, min_radius_ / kOctaves, max_radius_)) min_radius_ /= kOctaves;
   grid_ = VoxelGrid(box_, min_radius_, max_radius_);
   for (std::size_t id = 0; id < samples_.size(); ++id) {
     if (stored_[id] != 0) grid_.insert(samples_[id].position(), samples_[id].radius, static_cast<Index>(id));

@@ -335,30 +335,46 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
 }
 
 /// Samples the surface. Where radii fall without end, an edge is sharp that is not a curve: candidates there become curves. In
-/// the end radii stay as they are, and the topology is another.
+/// the end radii stay as they are, and the topology is another. Cancelled, what was complete by then stays.
 SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, SamplingOptions sampling, SamplingSurface& surface) {
   constexpr int kMaxPromotions = 3;
   const Execution execution = sampling.execution;
+  const auto cancelled = [](SamplingRun& run) {
+    run.result.status = Outcome::kCancelled;
+    run.diagram.reset();
+    return std::move(run);
+  };
+  SamplingRun earlier;
+  const auto keep = [&earlier](SamplingRun& run) {
+    earlier = std::move(run);
+    earlier.diagram.reset();
+    earlier.disks.reset();
+  };
   double done = 0;
   for (int k = 0;; ++k) {
     constexpr double kShare = 0.7;
     const double next = surface.preserve ? done + kShare * (1 - done) : 1;
     sampling.execution = execution.part(done, next);
     done = next;
-    surface.may_change = k < kMaxPromotions && surface.curves != nullptr && !surface.curves->dropped.empty();
-    SamplingRun run = sample_with_diagram(mesh, sampling, surface);
+    surface.may_change = surface.preserve && k < kMaxPromotions && !surface.curves->dropped.empty();
+    SamplingRun run;
+    if (!completes([&] { run = sample_with_diagram(mesh, sampling, surface); })) run.result.status = Outcome::kCancelled;
+    if (run.result.status == Outcome::kCancelled && earlier.result.samples.size() > 0) return cancelled(earlier);
     if (run.changed_facets.empty() || run.result.status == Outcome::kCancelled) return run;
     const std::vector<std::array<Index, 2>> sharp = dropped_edges_at(surface, run.changed_facets);
     if (sharp.empty() || !surface.may_change) {
       if (!run.gave_up && !surface.may_change) return run;
       if (run.gave_up) surface.preserve = false;
       k = kMaxPromotions;
+      keep(run);
       continue;
     }
     curves.edges.insert(curves.edges.end(), sharp.begin(), sharp.end());
-    const SamplingSurface next_surface = sampling_surface(mesh, curves, sampling, execution.part(done, done));
-    surface = next_surface;
+    if (!completes([&] { surface = sampling_surface(mesh, curves, sampling, execution.part(done, done)); })) {
+      return cancelled(run);
+    }
     surface.preserve = true;
+    keep(run);
   }
 }
 

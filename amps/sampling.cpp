@@ -309,6 +309,14 @@ void add_up(SamplingReport& total, const SamplingReport& run) {
 
 bool has_curves(const SamplingSurface& surface) { return surface.curves != nullptr && !surface.curves->empty(); }
 
+/// Refuses radii that are lowered out of proportion: a conflict may halve them once more.
+void require_fitting_grid(const Box& box, double min, double max) {
+  if (VoxelGrid::fits(box, min / 2, max)) return;
+  throw Error(ErrorCode::kTooLarge, "sampling: the shape needs radii down to " + number_text(min) +
+                                        ", out of proportion to the mesh's diagonal " + number_text(box.diagonal()) +
+                                        "; take a larger radius, fewer curves, or parts that are nearer to each other");
+}
+
 /// What one round of a run is made from.
 struct SamplingRound {
   const WantedRadii& radii;
@@ -356,6 +364,7 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
     }
     caps.insert(caps.end(), curves->caps.caps().begin(), curves->caps.caps().end());
   }
+  if (!caps.empty()) require_fitting_grid(round.box, min, max);
   bounded = bounded.beside(min, max);
   std::shared_ptr<const CapField> cap_field;
   if (!caps.empty()) cap_field = std::make_shared<const CapField>(std::move(caps), kCapGradation);
@@ -403,35 +412,53 @@ class TopologyRefiner {
   }
 
   void refine(const Execution& execution) {
-    double done = 0;
-    const Index most = kMaxGrowth * run_.diagram->num_sites() + kMaxAdded;
-    TopologyCertificate certificate = check_all(execution.part(0, 0.1));
-    while (caps_.lower(certificate, *run_.disks, run_.curves.get(), first_.radii)) {
-      const double next = (1 + done) / 2;
-      const Execution part = execution.part(done, next);
-      done = next;
-      const CapField bounds(caps_.last(), kCapGradation);
-      if (touches_curves(bounds, run_.curves.get())) {
-        start_anew(part.part(0, 0.9));
-        certificate = check_all(part.part(0.9, 1));
-      } else {
-        edit(bounds, part);
-        certificate = check_changed(certificate);
+    double done = 0.1;
+    const auto next_part = [&done, &execution] {
+      const double from = done;
+      done = (1 + done) / 2;
+      return execution.part(from, done);
+    };
+    const Index before = run_.diagram->num_sites();
+    const Index most = std::max(before, std::min(kMaxGrowth * before + kMaxAdded, options_.max_samples));
+    TopologyCertificate certificate = check_all(execution.part(0, done));
+    for (;;) {
+      while (!run_.gave_up && caps_.lower(certificate, *run_.disks, run_.curves.get(), first_.radii)) {
+        lower(certificate, next_part());
+        if (!certificate.holds() && run_.diagram->num_sites() > most) run_.gave_up = true;
       }
-      ++run_.result.report.refinements;
-      if (run_.diagram->num_sites() > most) {
-        run_.gave_up = true;
-        break;
-      }
+      if (run_.gave_up || !edited_ || set_->compact()) break;
+      // Fewer samples than ids. Curves are sampled under bounds that are new to them, so that all has to be looked at again.
+      const Execution part = next_part();
+      start_anew(part.part(0, 0.9));
+      certificate = check_all(part.part(0.9, 1));
     }
     for (const TopologyFailure& failure : certificate.failures) list_facets(failure);
     std::vector<Index>& facets = run_.changed_facets;
     std::sort(facets.begin(), facets.end());
     facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-    finish(execution.part(done, 1));
+    if (edited_ && set_->compact()) finish();
   }
 
  private:
+  /// Samples again under the bounds of the last time, and looks at what has changed. Where smaller radii would be out of
+  /// proportion, or samples on curves too many, all stays as it is.
+  void lower(TopologyCertificate& certificate, const Execution& execution) {
+    const CapField bounds(caps_.last(), kCapGradation);
+    try {
+      if (touches_curves(bounds, run_.curves.get())) {
+        start_anew(execution.part(0, 0.9));
+        certificate = check_all(execution.part(0.9, 1));
+      } else {
+        edit(bounds, execution);
+        certificate = check_changed(certificate);
+      }
+      ++run_.result.report.refinements;
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kTooLarge) throw;
+      run_.gave_up = true;
+    }
+  }
+
   void take_run() {
     const SamplingReport& report = run_.result.report;
     set_.emplace(*run_.diagram, *run_.disks, report.curve_samples, report.dart_samples);
@@ -472,9 +499,9 @@ class TopologyRefiner {
     add_up(next.result.report, before);
     next.result.report.darts = before.darts;
     next.result.report.refinements = before.refinements;
-    const bool complete = next.result.status == Outcome::kDone;
+    // What was complete stays.
+    if (next.result.status != Outcome::kDone) throw Error(ErrorCode::kCancelled, "sampling: cancelled");
     run_ = std::move(next);
-    if (!complete) throw Error(ErrorCode::kCancelled, "sampling: cancelled");
     take_run();
   }
 
@@ -490,14 +517,13 @@ class TopologyRefiner {
         max = std::max(max, on_curve.sample.radius);
       }
     }
+    require_fitting_grid(first_.box, min, max);
     run_.caps = std::make_shared<const CapField>(std::move(caps), kCapGradation);
     set_->lower(bounds, first_.radii.beside(min, max).with_caps(run_.caps), rng_, execution);
     edited_ = true;
   }
 
-  void finish(const Execution& execution) {
-    if (!edited_) return;
-    if (!set_->compact()) return start_anew(execution);
+  void finish() {
     SamplingReport& report = run_.result.report;
     report.dart_samples = set_->num_darts();
     report.gap_samples = set_->num_gap_samples();
@@ -528,9 +554,10 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   const std::vector<RadiusCap> no_limits;
   const SamplingRound round{radii, surface, box, seed, no_limits, nullptr};
   SamplingRun run;
-  run.result.status = Outcome::kCancelled;  // until it has begun
   run.result.report.seed = seed;
-  completes([&] { run = run_round(mesh, options, round, execution.part(0, refining)); });
+  if (!completes([&] { run = run_round(mesh, options, round, execution.part(0, refining)); })) {
+    run.result.status = Outcome::kCancelled;
+  }
   if (!surface.preserve || run.result.status != Outcome::kDone) return run;
   Stopwatch watch;
   const bool complete = completes(

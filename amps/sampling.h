@@ -125,7 +125,8 @@ struct SamplingRun {
   /// Facets where the dual has not the topology of the surface, and so many samples more would not help; ascending. Empty if
   /// nobody asked.
   std::vector<Index> changed_facets;
-  bool gave_up = false;  ///< radii fell no further, since samples became too many
+  /// Radii fell no further, since samples became too many or disks too small: the diagram need not be that of `result`.
+  bool gave_up = false;
   std::unique_ptr<RestrictedPowerDiagram> diagram;
 };
 SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options, const SamplingSurface& surface = {});

@@ -66,7 +66,7 @@ class RefinedSet {
   bool compact() const { return free_.empty(); }
   /// All samples, by id; requires compact().
   GrowingSet samples() const;
-  /// Those not on curves, by id.
+  /// Those not on curves: of darts, by id, then the others.
   std::vector<FaceSample> on_faces() const;
   /// How many are left of those of darts; how many gap filling has added in all; gaps that were too small for a double.
   Index num_darts() const { return num_darts_; }
