@@ -290,16 +290,23 @@ Mesh parse_off(const IoSource& source) {
 
 Mesh parse_ply(const IoSource& source) {
   PlyReader reader(source);
-  PlyContent content = reader.read({"x", "y", "z"});
+  MeshBuilder builder(source);
+  PlyContent content = reader.read({"x", "y", "z"}, builder);
   if (content.num_vertices > 0 && !(content.found[0] && content.found[1] && content.found[2])) {
     source.fail("its vertices have no x, y and z; it is not a PLY mesh");
   }
-  Mesh mesh = std::move(content.faces);
   for (std::size_t i = 0; i < content.at.size(); ++i) {
     if (!all_finite(content.values.data() + 3 * i)) reader.fail(content.at[i], kNotFinite);
   }
-  mesh.vertices = Points(std::move(content.values));
-  return mesh;
+  builder.set_coordinates(std::move(content.values));
+  return builder.finish();
+}
+
+/// What looks like a damaged file of any format, but is a good one in wraps.
+void refuse_encodings(const IoSource& source) {
+  const auto starts_with = [&](std::string_view bytes) { return source.data.substr(0, bytes.size()) == bytes; };
+  if (starts_with("\x1F\x8B\x08")) source.fail("it is compressed by gzip; uncompress it first");
+  if (starts_with("\xFF\xFE") || starts_with("\xFE\xFF")) source.fail("it is text in UTF-16; save it as UTF-8");
 }
 
 // STL
@@ -585,6 +592,7 @@ Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& nam
   const Execution run = execution.start("reading");
   const auto parse = [&] {
     const detail::IoSource source{data, name, run};
+    detail::refuse_encodings(source);
     if (format == MeshFormat::kObj) return detail::parse_obj(source);
     if (format == MeshFormat::kOff) return detail::parse_off(source);
     if (format == MeshFormat::kPly) return detail::parse_ply(source);
