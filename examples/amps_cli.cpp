@@ -400,7 +400,7 @@ int run_info(const Arguments& arguments) {
   trouble("inconsistent edges", shape.inconsistent_edges);
   trouble("duplicate vertices", report.duplicate_vertices);
   trouble("isolated vertices", report.isolated_vertices);
-  trouble("polygons that cross themselves", static_cast<amps::Index>(mesh.crossing_polygons.size()));
+  trouble("crossing polygons", static_cast<amps::Index>(mesh.crossing_polygons.size()));
   trouble("zero-area triangles", report.zero_area_facets);
   trouble("repeated triangles", report.repeated_facets);
   trouble("repeated indices", report.repeated_index_facets);

@@ -159,6 +159,11 @@ TEST_CASE("mesh_io: triangle strips, broken comments, and files in wraps") {
       "property float y\nproperty float z\nelement face 1\nproperty list uchar uint vertex_indices\nend_header\n"
       "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
   CHECK(rows(amps::parse_mesh(broken, MeshFormat::kPly).triangles) == 1);
+  std::string little = "OFF BINARY\n";
+  for (const std::int32_t count : {4, 1, 0}) put(little, count, false);
+  for (const float x : {0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 0.f, 1.f, 0.f, 1.f, 1.f, 0.f}) put(little, x, false);
+  for (const std::int32_t index : {4, 0, 1, 3, 2, 0}) put(little, index, false);
+  check_is_square(little, MeshFormat::kOff);
   for (const MeshFormat format : kFormats) {
     check_refused("\x1F\x8B\x08 and more", format, "gzip");
     check_refused("\xFF\xFEv", format, "UTF-16");
