@@ -72,6 +72,7 @@
 //   refill.h         (internal) finding refills that improve what is bad
 //   sample_edit.h    (internal) samples, diagram and grid edited together, kept or undone
 //   optimize.h       better triangles and valences by refilling gaps
+//   polygons.h       (internal) polygons of files, cut into triangles
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files

@@ -195,14 +195,22 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   const auto need = [&](std::int64_t bytes, const char* what) {
     if (source.end() - p < bytes) source.fail_byte(p, std::string("the file ends inside ") + what + "; it is cut short");
   };
-  const auto next_int = [&p] {
-    p += 4;
-    return std::int64_t{load_as<std::int32_t, std::uint32_t>(p - 4, true)};
-  };
   need(12, "the counts");
+  const std::int64_t stride = 4 * header.floats_per_vertex;
+  // Big-endian by definition, but some programs write the order of their machine: counts that fit tell.
+  const auto plausible = [&](bool big_endian) {
+    const std::int64_t left = source.end() - p - 12;
+    const std::int64_t v = load_as<std::int32_t, std::uint32_t>(p, big_endian);
+    const std::int64_t f = load_as<std::int32_t, std::uint32_t>(p + 4, big_endian);
+    return v >= 0 && f >= 0 && v <= left / stride && f <= left / 8;
+  };
+  const bool big_endian = plausible(true) || !plausible(false);
+  const auto next_int = [&p, big_endian] {
+    p += 4;
+    return std::int64_t{load_as<std::int32_t, std::uint32_t>(p - 4, big_endian)};
+  };
   const std::int64_t vertices = next_int(), faces = next_int();
   next_int();  // edges
-  const std::int64_t stride = 4 * header.floats_per_vertex;
   require_plausible(source, vertices, faces, stride, 8, source.end() - p);
   MeshBuilder builder(source);
   builder.reserve(static_cast<std::size_t>(vertices), static_cast<std::size_t>(faces));
@@ -210,7 +218,7 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
     source.look(p);
     need(stride, "the vertices");
     double xyz[3];
-    for (int k = 0; k < 3; ++k) xyz[k] = static_cast<double>(load_as<float, std::uint32_t>(p + 4 * k, true));
+    for (int k = 0; k < 3; ++k) xyz[k] = static_cast<double>(load_as<float, std::uint32_t>(p + 4 * k, big_endian));
     if (!all_finite(xyz)) source.fail_byte(p, kNotFinite);
     builder.add_vertex(xyz);
   }
@@ -290,16 +298,23 @@ Mesh parse_off(const IoSource& source) {
 
 Mesh parse_ply(const IoSource& source) {
   PlyReader reader(source);
-  PlyContent content = reader.read({"x", "y", "z"});
+  MeshBuilder builder(source);
+  PlyContent content = reader.read({"x", "y", "z"}, builder);
   if (content.num_vertices > 0 && !(content.found[0] && content.found[1] && content.found[2])) {
     source.fail("its vertices have no x, y and z; it is not a PLY mesh");
   }
-  Mesh mesh = std::move(content.faces);
   for (std::size_t i = 0; i < content.at.size(); ++i) {
     if (!all_finite(content.values.data() + 3 * i)) reader.fail(content.at[i], kNotFinite);
   }
-  mesh.vertices = Points(std::move(content.values));
-  return mesh;
+  builder.set_coordinates(std::move(content.values));
+  return builder.finish();
+}
+
+/// What looks like a damaged file of any format, but is a good one in wraps.
+void refuse_encodings(const IoSource& source) {
+  const auto starts_with = [&](std::string_view bytes) { return source.data.substr(0, bytes.size()) == bytes; };
+  if (starts_with("\x1F\x8B\x08")) source.fail("it is compressed by gzip; uncompress it first");
+  if (starts_with("\xFF\xFE") || starts_with("\xFE\xFF")) source.fail("it is text in UTF-16; save it as UTF-8");
 }
 
 // STL
@@ -585,6 +600,7 @@ Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& nam
   const Execution run = execution.start("reading");
   const auto parse = [&] {
     const detail::IoSource source{data, name, run};
+    detail::refuse_encodings(source);
     if (format == MeshFormat::kObj) return detail::parse_obj(source);
     if (format == MeshFormat::kOff) return detail::parse_off(source);
     if (format == MeshFormat::kPly) return detail::parse_ply(source);

@@ -29,8 +29,9 @@ enum class SampleFormat { kXyzr, kPly, kCsv };
 MeshFormat mesh_format(const std::filesystem::path& path);
 SampleFormat sample_format(const std::filesystem::path& path);
 
-/// Reads a triangle mesh. Polygons are cut into a fan from their first corner, keeping their orientation; faces of fewer than
-/// three corners are dropped; triangles with repeated indices are kept (check() reports them). Vertices keep number and order,
+/// Reads a triangle mesh. Polygons, concave ones and those with bridges to holes too, are cut into triangles that tile them,
+/// keeping their orientation; Mesh::polygons says whose each triangle is, Mesh::crossing_polygons which cross themselves and
+/// are cut into a fan from their first corner. Faces of fewer than three corners are dropped; triangles with repeated indices are kept (check() reports them). Vertices keep number and order,
 /// but those of an STL, which has none, are merged where equal. Normals, colours, texture coordinates, materials and groups
 /// are skipped. An OFF or PLY file may hold no facet at all; an OBJ file must have a vertex, an ascii STL its `endsolid`.
 ///

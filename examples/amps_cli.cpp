@@ -369,7 +369,8 @@ int run_info(const Arguments& arguments) {
       .add("zero_area_facets", report.zero_area_facets)
       .add("repeated_facets", report.repeated_facets)
       .add("duplicate_vertices", report.duplicate_vertices)
-      .add("isolated_vertices", report.isolated_vertices);
+      .add("isolated_vertices", report.isolated_vertices)
+      .add("crossing_polygons", static_cast<amps::Index>(mesh.crossing_polygons.size()));
   add_topology(json, "topology", shape);
   if (report.usable()) {
     json.add("self_intersections", static_cast<std::uint64_t>(intersections.num_pairs)).open("curves");
@@ -401,6 +402,7 @@ int run_info(const Arguments& arguments) {
   trouble("inconsistent edges", shape.inconsistent_edges);
   trouble("duplicate vertices", report.duplicate_vertices);
   trouble("isolated vertices", report.isolated_vertices);
+  trouble("crossing polygons", static_cast<amps::Index>(mesh.crossing_polygons.size()));
   trouble("zero-area triangles", report.zero_area_facets);
   trouble("repeated triangles", report.repeated_facets);
   trouble("repeated indices", report.repeated_index_facets);

@@ -78,7 +78,16 @@ class Arguments {
     const std::string word = text(name);
     std::uint64_t value = 0;
     bool fits = !word.empty();
-    for (const char c : word) {
+    const std::size_t exponent = word.find_first_of("eE");
+    std::string digits = word.substr(0, exponent);
+    if (exponent != std::string::npos) {  // 1e3
+      const std::string power = word.substr(exponent + 1);
+      const bool good =
+          !digits.empty() && !power.empty() && power.size() <= 2 && power.find_first_not_of("0123456789") == std::string::npos;
+      if (!good) throw refused(name, "a whole number");
+      digits.append(static_cast<std::size_t>(std::stoi(power)), '0');
+    }
+    for (const char c : digits) {
       if (c < '0' || c > '9') throw refused(name, "a whole number");
       const auto digit = static_cast<std::uint64_t>(c - '0');
       fits = fits && value <= (UINT64_MAX - digit) / 10;

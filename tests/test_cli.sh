@@ -54,6 +54,18 @@ for command in sample remesh curves gaps info make render; do
   done
 done
 
+echo "-- polygons, and counts with an exponent"
+printf 'v 0 0 0\nv 2 1 0\nv 0 2 0\nv 1 1 0\nf 1 2 3 4\n' >arrow.obj
+run 0 info arrow.obj
+grep -q '^area *1$' log/out || fail "the arrow's area: $(cat log/out)"
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 3 0 0\nv 3 1 0\nf 1 2 3 4\nf 2 5 6\n' >bow_tie.obj
+run 0 info bow_tie.obj --json info.json
+grep -q '^crossing polygons *1$' log/out || fail "a bow tie is not told: $(cat log/out)"
+[ "$(number crossing_polygons info.json)" = 1 ] || fail "a bow tie is not in the JSON"
+run 0 make sphere exponent.obj --n 1e3
+bad "whole number" make sphere x.obj --n 1e
+bad "whole number" make sphere x.obj --n 1e99
+
 echo "-- shapes and information"
 for shape in sphere torus square knot cube; do
   run 0 make $shape $shape.obj --n 2000
