@@ -413,6 +413,12 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   if (options.optimize) result.report.optimization.status = Outcome::kCancelled;  // until it is done
   constexpr double kSurfaceShare = 0.05;
   CurveOptions curves = options.curves;
+  if (options.max_error > 0 && curves.radius == 0 && curves.sizing.empty()) {
+    // Cutting off a crease, however short beside the radius, costs a part of its length.
+    constexpr double kCreaseSize = 4;
+    const double finest = kCreaseSize * options.max_error;
+    if (sampling.radius == 0 || finest < sampling.radius) curves.radius = finest;
+  }
   set_curve_radii(mesh, sampling, curves);
   SamplingSurface surface_of_input = sampling_surface(mesh, curves, sampling, sampling.execution.part(0, kSurfaceShare));
   surface_of_input.preserve = surface_of_input.topology != nullptr && options.topology == Topology::kPreserve;

@@ -3,7 +3,7 @@
 #include "kit/meshes.h"
 
 #include "amps/amps.h"
-#include "doctest.h"
+#include <doctest/doctest.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -62,7 +62,7 @@ TEST_CASE("remesh error: the bound holds by an independent measure, and smaller 
 TEST_CASE("remesh error: flat faces are exact, with few vertices") {
   const Mesh mesh = amps::make_cube();
   const amps::RemeshResult result = within(mesh, 0.01);
-  CHECK(result.report.hausdorff_bound <= 1e-6);
+  CHECK(result.report.hausdorff_bound <= 1e-5);
   CHECK(result.report.output.euler_characteristic == 2);
   CHECK(result.samples.size() < 500);
 }
