@@ -82,6 +82,7 @@
 //   self_intersections.h  facets that cross, touch or overlap
 //   fit_system.h     (internal) offsets of vertices by least squares
 //   fit.h            vertices that leave the surface, so that triangles lie closer to it
+//   error_refinement.h  (internal) smaller radii where a result is too far from the surface
 //   remesh.h         the dual triangulation, and the whole pipeline in one call
 #pragma once
 

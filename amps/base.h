@@ -85,11 +85,12 @@ enum class Outcome {
   kCountMissed,     ///< the number of samples is another one than asked for: the shape needs more, or fewer fit on it
   kIterationLimit,  ///< as many iterations as allowed were spent
   kStalled,         ///< going on would bring nothing, or too little
+  kErrorMissed,     ///< the result is farther from the surface than asked for, or not proved to be as near
   kShapeChanged,    ///< the result has another topology than the surface, lacks some of its curves, or is empty
   kCancelled,       ///< stopped through Progress
 };
 
-/// In words: "done", "count missed", "iteration limit", "stalled", "shape changed", "cancelled".
+/// In words: "done", "count missed", "iteration limit", "stalled", "error missed", "shape changed", "cancelled".
 const char* name_of(Outcome outcome) noexcept;
 
 namespace detail {

@@ -4,6 +4,7 @@
 #include "amps/curve_sampling.h"
 #include "amps/disk_set.h"
 #include "amps/dual_star.h"
+#include "amps/error_refinement.h"
 #include "amps/mesh_edges.h"
 #include "amps/power_diagram.h"
 #include "amps/topology_refinement.h"
@@ -13,6 +14,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <tuple>
@@ -370,9 +372,11 @@ SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, Samplin
       continue;
     }
     curves.edges.insert(curves.edges.end(), sharp.begin(), sharp.end());
+    std::vector<RadiusCap> limits = surface.limits;
     if (!completes([&] { surface = sampling_surface(mesh, curves, sampling, execution.part(done, done)); })) {
       return cancelled(run);
     }
+    surface.limits = std::move(limits);
     surface.preserve = true;
     keep(run);
   }
@@ -425,15 +429,25 @@ void fit_mesh(const MeshView& mesh, const SamplingSurface& surface, const Sampli
   result.mesh.vertices = fit_vertices(mesh, result.mesh, fit, &result.report.fit);
 }
 
-/// remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
-void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, const Execution& execution,
-                       const RemeshParts& parts, RemeshResult& result) {
+/// remesh() but for max_error, with options for the samples to begin with and bounds of radii. `result` (in: cancelled) has
+/// what there is at any time.
+void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling,
+                       const std::vector<RadiusCap>& limits, const Execution& execution, RemeshResult& result) {
+  const RemeshParts parts(mesh, sampling, options);
+  sampling.execution = execution.part(0, parts.sampling);
   if (options.optimize) result.report.optimization.status = Outcome::kCancelled;  // until it is done
   constexpr double kSurfaceShare = 0.05;
   CurveOptions curves = options.curves;
+  if (options.max_error > 0 && curves.radius == 0 && curves.sizing.empty()) {
+    // Cutting off a crease, however short beside the radius, costs a part of its length.
+    constexpr double kCreaseSize = 4;
+    const double finest = kCreaseSize * options.max_error;
+    if (sampling.radius == 0 || finest < sampling.radius) curves.radius = finest;
+  }
   set_curve_radii(mesh, sampling, curves);
   SamplingSurface surface_of_input = sampling_surface(mesh, curves, sampling, sampling.execution.part(0, kSurfaceShare));
   surface_of_input.preserve = surface_of_input.topology != nullptr && options.topology == Topology::kPreserve;
+  surface_of_input.limits = limits;
   if (surface_of_input.flood != nullptr) sampling.execution = sampling.execution.part(kSurfaceShare, 1);
   if (options.optimize && sampling.target_count > 0) {
     // What optimisation will add, for each sample that it may move.
@@ -496,6 +510,61 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   result.status = status;
 }
 
+/// Runs with smaller and smaller radii until the result is within max_error; the best one is kept. `result` as above.
+void remesh_within_error(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling,
+                         const Execution& execution, RemeshResult& result) {
+  constexpr int kMaxErrorRounds = 16;
+  constexpr double kSizingShare = 0.02, kFirstShare = 0.5, kRemeshShare = 0.8;
+  const double error = options.max_error;
+  if (sampling.radius == 0 && sampling.target_count == 0 && sampling.sizing.empty()) {
+    sampling.sizing = error_sizing(mesh, error, execution.part(0, kSizingShare, "finding radii"));
+  }
+  std::vector<RadiusCap> caps;
+  double done = kSizingShare, seconds = 0;
+  for (int round = 0;; ++round) {
+    const double next = done + kFirstShare * (1 - done);
+    const Execution part = execution.part(done, next);
+    done = next;
+    RemeshResult made;
+    made.status = Outcome::kCancelled;
+    const bool complete =
+        completes([&] { sample_and_remesh(mesh, options, sampling, caps, part.part(0, kRemeshShare), made); });
+    if (!complete || made.status == Outcome::kCancelled) {
+      if (round == 0) result = std::move(made);
+      result.status = Outcome::kCancelled;
+      return;
+    }
+    made.report.error_rounds = round;
+    const bool some = total_area(made.mesh) > 0;
+    Stopwatch watch;
+    DistanceReport distance;
+    made.report.hausdorff_bound = made.report.hausdorff_lower = std::numeric_limits<double>::infinity();
+    const Outcome reached = std::exchange(made.status, Outcome::kCancelled);  // until it is measured
+    if (round == 0) result = made;
+    if (some) {
+      distance = measure_error(mesh, made.mesh, error, part.part(kRemeshShare, 0.95, "measuring distances"));
+      made.report.hausdorff_bound = distance.hausdorff();
+      made.report.hausdorff_lower = distance.hausdorff_lower();
+    }
+    const bool holds = made.report.hausdorff_bound <= error;
+    made.status = holds ? reached : std::max(reached, Outcome::kErrorMissed);
+    std::vector<RadiusCap> more;
+    if (some && !holds && round < kMaxErrorRounds) {
+      more = error_caps(mesh, made.mesh, made.samples, error, distance, part.part(0.95, 1));
+    }
+    seconds += watch.lap();
+    made.report.seconds_error = seconds;
+    const double aimed = sampling.max_samples;
+    bool last = more.empty();
+    if (!last) {
+      caps.insert(caps.end(), more.begin(), more.end());
+      last = expected_under(CapField(caps, kCapGradation), made.mesh, made.samples) > aimed;
+    }
+    if (round == 0 || made.report.hausdorff_bound < result.report.hausdorff_bound) result = std::move(made);
+    if (last) return;
+  }
+}
+
 }  // namespace
 }  // namespace detail
 
@@ -545,12 +614,18 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   }
   const Execution execution = sampling.execution.start();
   require_usable(mesh);
-  const detail::RemeshParts parts(mesh, sampling, options);
+  if (!(options.max_error >= 0 && std::isfinite(options.max_error))) {
+    throw Error(ErrorCode::kInvalidArgument,
+                "remesh: max_error is " + detail::number_text(options.max_error) + "; give a distance above 0, or 0 for none");
+  }
   RemeshResult result;
   result.status = Outcome::kCancelled;
   detail::completes([&] {
-    sampling.execution = execution.part(0, parts.sampling);
-    detail::sample_and_remesh(mesh, options, sampling, execution, parts, result);
+    if (options.max_error > 0) {
+      detail::remesh_within_error(mesh, options, sampling, execution, result);
+    } else {
+      detail::sample_and_remesh(mesh, options, sampling, {}, execution, result);
+    }
   });
   if (result.mesh.vertices.empty()) result.mesh.vertices = result.samples.positions;
   if (result.status != Outcome::kCancelled) execution.finish();

@@ -46,6 +46,11 @@ struct RemeshOptions {
   /// Curves of the input that the result keeps, where disks know their surface (sampling.neighborhood, by default). The radius
   /// is that of `sampling`, unless one is given.
   CurveOptions curves;
+  /// The result is to be within this Hausdorff distance of the surface, in both directions: absolute units; 0: any. Radius,
+  /// sizing or target_count of `sampling` are then upper bounds (a target_count is met if it can be) and may be left out: radii
+  /// follow from curvature, up to a quarter of the diagonal. Where the result is farther off they fall and all is done again, a
+  /// few times. The distance is that of the final mesh, after optimisation and fit; without enough of either, kErrorMissed.
+  double max_error = 0;
   /// Means nothing where disks are balls.
   Topology topology = Topology::kPreserve;
   /// Improve angles and valences of the maximal set.
@@ -86,6 +91,12 @@ struct RemeshReport {
   /// Where it holds, the result has the topology of the surface, curves included: proved, not measured. Of no cells where disks
   /// are balls. (`failures` are of sites of the diagram: of vertices, where nothing was optimised.)
   TopologyCertificate certificate;
+  /// Of surface and result: no point is farther off than this, proved by surface_distance(); and some point is as far as the
+  /// lower one. Of RemeshOptions::max_error only, else both 0.
+  double hausdorff_bound = 0;
+  double hausdorff_lower = 0;
+  int error_rounds = 0;      ///< further runs with smaller radii, for max_error
+  double seconds_error = 0;  ///< measuring that distance; all runs
   double seconds_optimize = 0;
   double seconds_remesh = 0;  ///< extraction and orientation of the triangles
   double seconds_report = 0;  ///< topology, quality and certificate
@@ -102,8 +113,8 @@ struct RemeshResult {
   /// Pairs of vertices along the curves that were kept, #E; curve by curve.
   std::vector<std::array<Index, 2>> curve_edges;
   RemeshReport report;
-  /// The worst of those of sampling and optimisation, of kShapeChanged (lost_shape()), and of kCountMissed: another number
-  /// of samples than asked for, by more than 2 % and more than one.
+  /// The worst of those of sampling and optimisation, of kShapeChanged (lost_shape()), of kErrorMissed (hausdorff_bound is
+  /// above max_error), and of kCountMissed: another number of samples than asked for, by more than 2 % and more than one.
   Outcome status = Outcome::kDone;
 };
 
@@ -114,8 +125,9 @@ struct RemeshResult {
 std::string lost_shape(const RemeshReport& report);
 
 /// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and
-/// optimize(); cost about twice that of sample(), with the default bounds. Cancelled, it has the best samples so far, a vertex
-/// each, and triangles only if the report was all that was left to do; of a maximal set restricted_triangulation() makes them.
+/// optimize(), and kInvalidArgument unless max_error is finite and not negative; cost about twice that of sample(), with the
+/// default bounds. Cancelled, it has the best samples so far, a vertex each, and triangles only if the report was all that was
+/// left to do; of a maximal set restricted_triangulation() makes them.
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 
 /// The RRT of a given set: a triangle (i, j, k) for each triple of cells that meet an odd number of times inside facets; where

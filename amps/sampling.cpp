@@ -407,7 +407,7 @@ class TopologyRefiner {
  public:
   /// `run`: that of `first`.
   TopologyRefiner(const MeshView& mesh, const SamplingOptions& options, const SamplingRound& first, SamplingRun& run)
-      : mesh_(mesh), options_(options), first_(first), run_(run), rng_(first.seed + kSeedStride) {
+      : mesh_(mesh), options_(options), first_(first), run_(run), caps_(first.limits), rng_(first.seed + kSeedStride) {
     take_run();
   }
 
@@ -551,8 +551,7 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   require_feasible_radii(radii.min(), radii.max(), radii.density_integral(total_area(mesh)), box, options);
   constexpr double kRefinementShare = 0.1;
   const double refining = surface.preserve ? 1 - kRefinementShare : 1;
-  const std::vector<RadiusCap> no_limits;
-  const SamplingRound round{radii, surface, box, seed, no_limits, nullptr};
+  const SamplingRound round{radii, surface, box, seed, surface.limits, nullptr};
   SamplingRun run;
   run.result.report.seed = seed;
   if (!completes([&] { run = run_round(mesh, options, round, execution.part(0, refining)); })) {

@@ -10,6 +10,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/cap_field.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -19,6 +20,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 namespace amps {
 
@@ -101,7 +103,6 @@ double expected_samples(const MeshView& mesh, const SamplingOptions& options);
 /// Microseconds that sample() takes for so many samples, roughly, on `workers` threads.
 double sampling_cost(double samples, double facets, unsigned workers);
 
-class CapField;
 class DiskSet;
 class SurfaceFlood;
 class TopologyChecker;
@@ -112,6 +113,7 @@ struct SamplingSurface {
   std::shared_ptr<const SurfaceFlood> flood;        ///< cut at the curves; null: balls
   std::shared_ptr<const CurveGraph> curves;         ///< null: disks are balls
   std::shared_ptr<const TopologyChecker> topology;  ///< null: nobody asks
+  std::vector<RadiusCap> limits;                    ///< bounds of radii to begin with, for other reasons
   bool preserve = false;                            ///< radii fall where the dual has not the topology of the surface
   bool may_change = false;  ///< where that does not help, there will be other curves: the number of samples does not matter yet
 };

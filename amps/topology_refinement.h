@@ -14,6 +14,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace amps::detail {
@@ -28,6 +29,9 @@ std::vector<Index> samples_of(const TopologyFailure& failure);
 /// Bounds of radii around what has failed so far. A value.
 class RefinementCaps {
  public:
+  /// `caps`: bounds that there are already.
+  explicit RefinementCaps(std::vector<RadiusCap> caps = {}) : caps_(std::move(caps)), num_before_(caps_.size()) {}
+
   /// Lowers radii where the certificate fails. False if it does not, or if all samples at failures have come down to the floor:
   /// a thousandth of the wanted radius.
   bool lower(const TopologyCertificate& certificate, const DiskSet& disks, const CurveSamples* curves,

@@ -167,7 +167,7 @@ amps::Fit fit_of(const Arguments& arguments) {
 }
 
 int run_remesh(const Arguments& arguments) {
-  const SizingRequest sizing = sizing_request(arguments);
+  const SizingRequest sizing = sizing_request(arguments, true);
   amps::RemeshOptions options;
   options.sampling = sampling_options(arguments, amps::Neighborhood::kSurface);
   options.curves = curve_options(arguments);
@@ -185,6 +185,7 @@ int run_remesh(const Arguments& arguments) {
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" ? kMarked : kSized;
   options.sampling.sizing = make_sizing(sizing, mesh, watch.part(kMarked, sized));
+  options.max_error = error_of(sizing, mesh);
   const double seconds_sizing = total.seconds() - seconds_read;
   options.sampling.execution = watch.part(sized, kWorked);
   const Stopwatch work;
@@ -229,6 +230,7 @@ int run_remesh(const Arguments& arguments) {
   add_sampling(json, report.sampling);
   add_optimization(json, report.optimization);
   add_fit(json, options.fit, report.fit);
+  add_error(json, options.max_error, report);
   add_quality(json, report.quality, radius);
   add_maximality(json, report.maximality);
   add_crossings(json, report);
@@ -251,12 +253,19 @@ int run_remesh(const Arguments& arguments) {
   print_radii(table, result.samples);
   print_optimization(table, options.optimization, report.optimization);
   print_fit(table, options.fit, report.fit);
+  print_error(table, options.max_error, report);
   print_quality(table, report.quality, radius);
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
   print_seconds(table, seconds);
   const std::string lost = amps::lost_shape(report);
-  return lost.empty() ? kExitDone : complain(lost, kExitShape);
+  if (!lost.empty()) return complain(lost, kExitShape);
+  if (options.max_error > 0 && !(report.hausdorff_bound <= options.max_error)) {
+    return complain(format("the result is up to %.6g from the input, %.6g was asked for; take a larger --error",
+                           report.hausdorff_bound, options.max_error),
+                    kExitShape);
+  }
+  return kExitDone;
 }
 
 int run_curves(const Arguments& arguments) {
@@ -536,13 +545,14 @@ const std::vector<Command>& commands() {
        "files\n"
        "hold patches as a property of faces. The FILE of --keep is IN itself, or has vertices at the positions of those of "
        "IN.\n"
-       "Exit code 4: OUT is written, but has another topology than IN, lacks edges of curves, or has no triangle.",
+       "Exit code 4: OUT is written, but has another topology than IN, lacks edges of curves, is farther from IN\n"
+       "than --error allows, or has no triangle.",
        {kRadius,
         {"--vertices", "N", "number of vertices wanted instead, met within 2 %"},
         kSizing,
         kRmin,
         kRmax,
-        kError,
+        {"--error", "E", "the result is at most E from the input, proved: in the units of the mesh, or 1% of its diagonal"},
         kGradation,
         kFeatures,
         kBorders,

@@ -243,6 +243,23 @@ inline void add_fit(Json& json, amps::Fit fit, const amps::FitReport& report) {
       .close();
 }
 
+/// `asked`: what the distance was to be at most; 0: nothing.
+inline void print_error(const Table& table, double asked, const amps::RemeshReport& report) {
+  if (asked > 0) table.row("distance, proved", format("%.6g", asked) + " asked", format("%.6g", report.hausdorff_bound));
+}
+
+inline void add_error(Json& json, double asked, const amps::RemeshReport& report) {
+  if (!(asked > 0)) return;
+  json.open("error")
+      .add("asked", asked)
+      .add("holds", report.hausdorff_bound <= asked)
+      .add("hausdorff", report.hausdorff_bound)
+      .add("hausdorff_lower", report.hausdorff_lower)
+      .add("rounds", report.error_rounds)
+      .add("seconds", report.seconds_error)
+      .close();
+}
+
 /// Wall-clock seconds by stage, in order.
 using Seconds = std::vector<std::pair<const char*, double>>;
 

@@ -168,6 +168,10 @@ run 0 sample torus.obj lfs.csv --sizing lfs --rmin 0.05 --rmax 0.1 --gradation 0
 awk -v low="$(number min_radius lfs.json)" -v high="$(number max_radius lfs.json)" 'BEGIN { exit !(low >= 0.05 && high <= 0.1) }' ||
   fail "radii out of --rmin and --rmax"
 run 0 sample torus.obj curved.xyzr --error 0.004
+run 0 remesh torus.obj within.obj --error 0.5% --json within.json
+grep -q '"holds": *true' within.json || fail "--error is not said to hold"
+run 0 info within.obj --reference torus.obj --json apart.json
+awk -v d="$(number hausdorff_percent apart.json)" 'BEGIN { exit !(d <= 0.5) }' || fail "farther from the input than --error 0.5%"
 run 0 gaps torus.obj curved.xyzr
 run 0 sample torus.obj curved.xyzr --sizing curvature --vertices 500
 awk '/^v / { print 0.05 + 0.05 * ($2 > 0) }' torus.obj >radii.txt
@@ -366,10 +370,13 @@ bad "say how dense" remesh torus.obj no.obj --sizing lfs
 bad "say how dense" remesh torus.obj no.obj --sizing curvature
 bad "leave out" remesh torus.obj no.obj --sizing lfs --vertices 100 --rmin 0.1
 bad "own radii" remesh torus.obj no.obj --sizing lfs --radius 0.1
-bad "goes with" remesh torus.obj no.obj --sizing lfs --error 0.1
+bad "goes with" sample torus.obj no.xyzr --sizing lfs --error 0.1
 bad "greater than" remesh torus.obj no.obj --sizing lfs --rmin 0.2 --rmax 0.1
 bad "radii that vary" remesh torus.obj no.obj --radius 0.1 --gradation 0.1
 bad "above 0" remesh torus.obj no.obj --error 0
+bad "above 0" remesh torus.obj no.obj --error 0%
+bad "wants a number" remesh torus.obj no.obj --error 1%%
+bad "wants a number" remesh torus.obj no.obj --error %
 bad "few.txt" remesh torus.obj no.obj --sizing few.txt
 bad "property nothing" remesh torus.obj no.obj --sizing radii.ply:nothing
 bad "twice" remesh torus.obj no.obj --radius 0.1 --radius 0.1
