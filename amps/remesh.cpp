@@ -565,6 +565,62 @@ void remesh_within_error(const MeshView& mesh, const RemeshOptions& options, Sam
   }
 }
 
+/// Bounds of radii where triangles of the result cross.
+std::vector<RadiusCap> caps_at_crossings(const RemeshResult& result, const Execution& execution) {
+  constexpr double kCrossingShare = 0.7;
+  SelfIntersectionOptions options;
+  options.execution = execution;
+  std::vector<Index> samples;
+  for (const SelfIntersection& pair : find_self_intersections(result.mesh, options).pairs) {
+    for (const Index t : {pair.a, pair.b}) {
+      for (int k = 0; k < 3; ++k) samples.push_back(result.mesh.triangles(t, k));
+    }
+  }
+  std::sort(samples.begin(), samples.end());
+  samples.erase(std::unique(samples.begin(), samples.end()), samples.end());
+  std::vector<RadiusCap> caps;
+  for (const Index s : samples) {
+    caps.push_back({result.samples.positions.row(s).transpose(), kCrossingShare * result.samples.radii[slot(s)]});
+  }
+  return caps;
+}
+
+/// Runs with smaller radii where sheets of the result cross each other and those of the surface do not, until they do not
+/// either; the run of the fewest crossings is kept. `result` as above.
+void remesh_without_crossings(const MeshView& mesh, const RemeshOptions& options, const SamplingOptions& sampling,
+                              const Execution& execution, RemeshResult& result) {
+  constexpr int kMaxCrossingRounds = 8;
+  constexpr double kFirstShare = 0.98;
+  std::vector<RadiusCap> caps;
+  double done = 0;
+  Index most = 0;
+  for (int round = 0;; ++round) {
+    const double next = round == 0 ? kFirstShare : (1 + done) / 2;
+    const Execution part = execution.part(done, next);
+    done = next;
+    RemeshResult made;
+    made.status = Outcome::kCancelled;
+    if (round == 0) {
+      sample_and_remesh(mesh, options, sampling, caps, part, result);
+      most = most_refined(result.samples.size());
+    } else if (!completes([&] { sample_and_remesh(mesh, options, sampling, caps, part, made); }) ||
+               made.status == Outcome::kCancelled) {
+      result.status = Outcome::kCancelled;
+      return;
+    }
+    const RemeshResult& last = round == 0 ? result : made;
+    const bool crosses = last.report.self_intersections > 0 && last.report.input_self_intersections == 0;
+    const bool refines = options.topology == Topology::kPreserve && sampling.neighborhood == Neighborhood::kSurface &&
+                         last.status != Outcome::kCancelled && round < kMaxCrossingRounds && last.samples.size() <= most;
+    if (crosses && refines) {
+      const std::vector<RadiusCap> more = caps_at_crossings(last, execution);
+      caps.insert(caps.end(), more.begin(), more.end());
+    }
+    if (round > 0 && made.report.self_intersections < result.report.self_intersections) result = std::move(made);
+    if (!crosses || !refines) return;
+  }
+}
+
 }  // namespace
 }  // namespace detail
 
@@ -624,7 +680,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
     if (options.max_error > 0) {
       detail::remesh_within_error(mesh, options, sampling, execution, result);
     } else {
-      detail::sample_and_remesh(mesh, options, sampling, {}, execution, result);
+      detail::remesh_without_crossings(mesh, options, sampling, execution, result);
     }
   });
   if (result.mesh.vertices.empty()) result.mesh.vertices = result.samples.positions;

@@ -32,10 +32,6 @@ constexpr double kTargetSamples = 1e5;
 /// Curves that need so many samples, and so many times the wanted number, are refused: thin plates, needles.
 constexpr double kCurveSamples = 1e5;
 constexpr double kCurveSamplesPerTarget = 50;
-/// Refinement of the topology gives up at this many times the samples that there were, and so many more: a small part takes
-/// four and more samples where it had one.
-constexpr Index kMaxGrowth = 8;
-constexpr Index kMaxAdded = 10'000;
 /// How far radii may grow beyond the first estimate to make room for samples that curves and topology ask for; and the least
 /// power of the radius with which the number of samples has to fall (2 on a surface without either), or growing ends.
 constexpr double kMaxScaleBesideFixed = 3;
@@ -419,7 +415,7 @@ class TopologyRefiner {
       return execution.part(from, done);
     };
     const Index before = run_.diagram->num_sites();
-    const Index most = std::max(before, std::min(kMaxGrowth * before + kMaxAdded, options_.max_samples));
+    const Index most = std::max(before, std::min(most_refined(before), options_.max_samples));
     TopologyCertificate certificate = check_all(execution.part(0, done));
     for (;;) {
       while (!run_.gave_up && caps_.lower(certificate, *run_.disks, run_.curves.get(), first_.radii)) {

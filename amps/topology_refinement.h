@@ -14,10 +14,18 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
 namespace amps::detail {
+
+/// Refinement gives up beyond so many samples: at eight times those that there were, and ten thousand more. A small part takes
+/// four and more samples where it had one.
+inline Index most_refined(Index before) {
+  constexpr Index kGrowth = 8, kAdded = 10'000;
+  return before > (std::numeric_limits<Index>::max() - kAdded) / kGrowth ? before : kGrowth * before + kAdded;
+}
 
 /// What the certificate asks about samples, of which the first ones are those of `curves` (null: there are none). All must
 /// outlive the result.
