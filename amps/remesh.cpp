@@ -567,7 +567,7 @@ void remesh_within_error(const MeshView& mesh, const RemeshOptions& options, Sam
 
 /// Bounds of radii where triangles of the result cross.
 std::vector<RadiusCap> caps_at_crossings(const RemeshResult& result, const Execution& execution) {
-  constexpr double kCrossingShare = 0.7;
+  constexpr double kCrossingShare = 0.6;
   SelfIntersectionOptions options;
   options.execution = execution;
   std::vector<Index> samples;
@@ -589,7 +589,7 @@ std::vector<RadiusCap> caps_at_crossings(const RemeshResult& result, const Execu
 /// either; the run of the fewest crossings is kept. `result` as above.
 void remesh_without_crossings(const MeshView& mesh, const RemeshOptions& options, const SamplingOptions& sampling,
                               const Execution& execution, RemeshResult& result) {
-  constexpr int kMaxCrossingRounds = 8;
+  constexpr int kMaxCrossingRounds = 16;
   constexpr double kFirstShare = 0.98;
   std::vector<RadiusCap> caps;
   double done = 0;

@@ -483,10 +483,16 @@ TEST_CASE("remesh: outcomes have names, from best to worst") {
   CHECK(amps::name_of(Outcome::kDone) == std::string("done"));
   CHECK(amps::name_of(Outcome::kIterationLimit) == std::string("iteration limit"));
   CHECK(amps::name_of(Outcome::kStalled) == std::string("stalled"));
+  CHECK(amps::name_of(Outcome::kCountMissed) == std::string("count missed"));
+  CHECK(amps::name_of(Outcome::kErrorMissed) == std::string("error missed"));
+  CHECK(amps::name_of(Outcome::kShapeChanged) == std::string("shape changed"));
   CHECK(amps::name_of(Outcome::kCancelled) == std::string("cancelled"));
   CHECK(Outcome::kDone < Outcome::kIterationLimit);
   CHECK(Outcome::kIterationLimit < Outcome::kStalled);
-  CHECK(Outcome::kStalled < Outcome::kCancelled);
+  CHECK(Outcome::kStalled < Outcome::kCountMissed);
+  CHECK(Outcome::kCountMissed < Outcome::kErrorMissed);
+  CHECK(Outcome::kErrorMissed < Outcome::kShapeChanged);
+  CHECK(Outcome::kShapeChanged < Outcome::kCancelled);
 }
 
 TEST_SUITE("slow") {

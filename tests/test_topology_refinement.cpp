@@ -127,7 +127,7 @@ std::vector<Case> cases() {
                               {"small parts without curves", small_parts(), 0.2, false},
                               {"handle", block_with_handle(), 1.5},
                               {"handle without curves", block_with_handle(), 1.5, false},
-                              {"nested shells", nested_shells(0.003), 0.3},
+                              {"nested shells", nested_shells(0.01), 0.3},
                               {"cube in one disk", amps::make_cube(1), 3},
                               {"cube in one disk without curves", amps::make_cube(1), 3, false},
                               {"wedge of 15 degrees without curves", wedge(15), 0.15, false},
@@ -293,7 +293,7 @@ TEST_CASE("topology_refinement: cancelled at any look, a Poisson-disk set is lef
 
 TEST_CASE("topology_refinement: optimised, the topology stays") {
   for (const Case& one : {Case{"parts", small_parts(), 0.1}, Case{"handle", block_with_handle(), 1.5, false},
-                          Case{"tube", thin_tube(0.5), 0.25}, Case{"shells", nested_shells(0.003), 0.3}}) {
+                          Case{"tube", thin_tube(0.5), 0.25}, Case{"shells", nested_shells(0.01), 0.3}}) {
     const std::string& name = one.name;
     CAPTURE(name);
     for (const auto& bounds : {std::array<double, 2>{35, 105}, std::array<double, 2>{42, 90}}) {
