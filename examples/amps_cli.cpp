@@ -65,6 +65,7 @@ int run_sample(const Arguments& arguments) {
   amps::SamplingOptions options = sampling_options(arguments, amps::Neighborhood::kSpace);
   require_sample_output(arguments, arguments.operand(1));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  require_distinct(arguments, arguments.operand(1), {"--json"});
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.execution.threads);
@@ -177,6 +178,7 @@ int run_remesh(const Arguments& arguments) {
   require_mesh_output(arguments, arguments.operand(1));
   if (arguments.has("--samples")) require_sample_output(arguments, arguments.text("--samples"));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  require_distinct(arguments, arguments.operand(1), {"--samples", "--convergence", "--json"});
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.sampling.execution.threads);

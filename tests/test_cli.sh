@@ -155,6 +155,8 @@ bad "name angle" remesh torus.obj no.obj --vertices 100 --optimize angels
 bad "none, normal or free" remesh torus.obj no.obj --vertices 100 --fit tight
 bad "goes with" remesh torus.obj no.obj --vertices 100 --optimize valence --angle-min 40
 bad "does not go" remesh torus.obj no.obj --vertices 100 --optimize none --convergence course2.csv
+bad "written already" remesh torus.obj no.ply --vertices 100 --samples ./no.ply
+bad "written already" remesh torus.obj no.obj --vertices 100 --samples no.csv --json no.csv
 run 2 remesh torus.obj no.obj --vertices 100 --angle-min 61
 
 echo "-- radii that vary"
