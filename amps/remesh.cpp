@@ -674,6 +674,11 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
     throw Error(ErrorCode::kInvalidArgument,
                 "remesh: max_error is " + detail::number_text(options.max_error) + "; give a distance above 0, or 0 for none");
   }
+  // Such a disk is all of its component: larger ones are no other, and radii have to fall from there.
+  const double diagonal = bounding_box(mesh).diagonal();
+  if (sampling.neighborhood == Neighborhood::kSurface && std::isfinite(sampling.radius)) {
+    sampling.radius = std::min(sampling.radius, diagonal);
+  }
   RemeshResult result;
   result.status = Outcome::kCancelled;
   detail::completes([&] {

@@ -42,6 +42,8 @@ enum class Topology {
 
 struct RemeshOptions {
   /// With optimisation a target_count is that of the result, met within about 2 %. `sampling.execution` is that of the whole.
+  /// Where disks know their surface, a radius beyond the box's diagonal counts as that: either way one disk is all of a
+  /// component.
   SamplingOptions sampling;
   /// Curves of the input that the result keeps, where disks know their surface (sampling.neighborhood, by default). The radius
   /// is that of `sampling`, unless one is given.

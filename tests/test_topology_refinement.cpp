@@ -536,6 +536,17 @@ TEST_CASE("topology_refinement: creases that were dropped become curves where sa
   CHECK(by_curves.report.curves.edges > 0);
 }
 
+TEST_CASE("topology_refinement: however large the radius, the shape is kept") {
+  for (const double radius : {10.0, 1e9}) {
+    RemeshOptions options;
+    options.sampling.radius = radius;
+    const RemeshResult result = amps::remesh(amps::make_torus(), options);
+    CHECK(result.status < Outcome::kShapeChanged);
+    CHECK(result.report.certificate.holds());
+    CHECK(result.report.output.euler_characteristic == 0);
+  }
+}
+
 TEST_SUITE("slow") {
   TEST_CASE("topology_refinement: real meshes keep their topology") {
     struct Real {
