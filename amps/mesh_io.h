@@ -31,9 +31,10 @@ SampleFormat sample_format(const std::filesystem::path& path);
 
 /// Reads a triangle mesh. Polygons, concave ones and those with bridges to holes too, are cut into triangles that tile them,
 /// keeping their orientation; Mesh::polygons says whose each triangle is, Mesh::crossing_polygons which cross themselves and
-/// are cut into a fan from their first corner. Faces of fewer than three corners are dropped; triangles with repeated indices are kept (check() reports them). Vertices keep number and order,
-/// but those of an STL, which has none, are merged where equal. Normals, colours, texture coordinates, materials and groups
-/// are skipped. An OFF or PLY file may hold no facet at all; an OBJ file must have a vertex, an ascii STL its `endsolid`.
+/// are cut into a fan from their first corner. Faces of fewer than three corners are dropped; triangles with repeated indices
+/// are kept (check() reports them). Vertices keep number and order, but those of an STL, which has none, are merged where
+/// equal. Normals, colours, texture coordinates, materials and groups are skipped. An OFF or PLY file may hold no facet at all;
+/// an OBJ file must have a vertex, an ascii STL its `endsolid`.
 ///
 /// Throws Error: kFileNotFound (cannot be opened or read), kFileFormat (unknown extension, cut short, not this format,
 /// a coordinate that is not a finite number, an index out of range, counts larger than the file), kTooLarge (more vertices or
