@@ -10,7 +10,9 @@
 #include <cstdint>
 #include <istream>
 #include <limits>
+#include <numeric>
 #include <ostream>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -537,6 +539,17 @@ std::string format_ply(const MeshView& mesh, const MeshWriteOptions& options, co
   return out;
 }
 
+/// Places of the labels, those of one number one after another: numbers in the order in which they come.
+std::vector<std::size_t> group_by_group(const std::vector<Index>& labels) {
+  std::unordered_map<Index, std::size_t> rank;
+  for (const Index label : labels) rank.emplace(label, rank.size());
+  std::vector<std::size_t> order(labels.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return rank.at(labels[a]) < rank.at(labels[b]); });
+  return order;
+}
+
 std::string format_obj(const MeshView& mesh, const MeshWriteOptions& options, const Execution& run) {
   const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
   const std::size_t num_marks = options.edges.size() + options.vertices.size();
@@ -547,9 +560,11 @@ std::string format_obj(const MeshView& mesh, const MeshWriteOptions& options, co
     ticker.tick(kVertexTextCost);
     append_row(out, "v ", mesh.vertices[v]);
   }
-  for (std::size_t f = 0; f < num_facets; ++f) {
+  const std::vector<std::size_t> order = group_by_group(options.labels);
+  for (std::size_t k = 0; k < num_facets; ++k) {
     ticker.tick();
-    if (!options.labels.empty() && (f == 0 || options.labels[f] != options.labels[f - 1])) {
+    const std::size_t f = order.empty() ? k : order[k];
+    if (!order.empty() && (k == 0 || options.labels[f] != options.labels[order[k - 1]])) {
       out += "g " + options.label_name + '_' + std::to_string(options.labels[f]) + '\n';
     }
     append_row(out, "f ", mesh.triangles[static_cast<std::ptrdiff_t>(f)], 1);

@@ -72,8 +72,8 @@ struct MeshWriteOptions {
   /// Vertices that OBJ files hold as points (`p`), in a group `points`; other formats leave them out.
   std::vector<Index> vertices;
   /// #F, or empty: a number for each facet, such as its patch. PLY files hold it as an int property of faces, OBJ files as
-  /// groups, NAME_NUMBER: a group line wherever the number changes. Facets keep their order, so let those of one number follow
-  /// each other: many readers make an object of each group line. Other formats leave it out.
+  /// groups, NAME_NUMBER, in the order in which the numbers come: facets follow group by group, since many readers make an
+  /// object of each group line. Other formats leave it out.
   std::vector<Index> labels;
   /// Their name: letters, digits and underscores.
   std::string label_name = "patch";

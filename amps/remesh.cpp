@@ -429,7 +429,7 @@ void fit_mesh(const MeshView& mesh, const SamplingSurface& surface, const Sampli
   result.mesh.vertices = fit_vertices(mesh, result.mesh, fit, &result.report.fit);
 }
 
-/// remesh() but for max_error, with options for the samples to begin with and bounds of radii. `result` (in: cancelled) has
+/// One run of remesh(), with options for the samples to begin with and bounds of radii. `result` (in: cancelled) has
 /// what there is at any time.
 void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling,
                        const std::vector<RadiusCap>& limits, const Execution& execution, RemeshResult& result) {
@@ -438,12 +438,6 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   if (options.optimize) result.report.optimization.status = Outcome::kCancelled;  // until it is done
   constexpr double kSurfaceShare = 0.05;
   CurveOptions curves = options.curves;
-  if (options.max_error > 0 && curves.radius == 0 && curves.sizing.empty()) {
-    // Cutting off a crease, however short beside the radius, costs a part of its length.
-    constexpr double kCreaseSize = 4;
-    const double finest = kCreaseSize * options.max_error;
-    if (sampling.radius == 0 || finest < sampling.radius) curves.radius = finest;
-  }
   set_curve_radii(mesh, sampling, curves);
   SamplingSurface surface_of_input = sampling_surface(mesh, curves, sampling, sampling.execution.part(0, kSurfaceShare));
   surface_of_input.preserve = surface_of_input.topology != nullptr && options.topology == Topology::kPreserve;
@@ -510,61 +504,6 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   result.status = status;
 }
 
-/// Runs with smaller and smaller radii until the result is within max_error; the best one is kept. `result` as above.
-void remesh_within_error(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling,
-                         const Execution& execution, RemeshResult& result) {
-  constexpr int kMaxErrorRounds = 16;
-  constexpr double kSizingShare = 0.02, kFirstShare = 0.5, kRemeshShare = 0.8;
-  const double error = options.max_error;
-  if (sampling.radius == 0 && sampling.target_count == 0 && sampling.sizing.empty()) {
-    sampling.sizing = error_sizing(mesh, error, execution.part(0, kSizingShare, "finding radii"));
-  }
-  std::vector<RadiusCap> caps;
-  double done = kSizingShare, seconds = 0;
-  for (int round = 0;; ++round) {
-    const double next = done + kFirstShare * (1 - done);
-    const Execution part = execution.part(done, next);
-    done = next;
-    RemeshResult made;
-    made.status = Outcome::kCancelled;
-    const bool complete =
-        completes([&] { sample_and_remesh(mesh, options, sampling, caps, part.part(0, kRemeshShare), made); });
-    if (!complete || made.status == Outcome::kCancelled) {
-      if (round == 0) result = std::move(made);
-      result.status = Outcome::kCancelled;
-      return;
-    }
-    made.report.error_rounds = round;
-    const bool some = total_area(made.mesh) > 0;
-    Stopwatch watch;
-    DistanceReport distance;
-    made.report.hausdorff_bound = made.report.hausdorff_lower = std::numeric_limits<double>::infinity();
-    const Outcome reached = std::exchange(made.status, Outcome::kCancelled);  // until it is measured
-    if (round == 0) result = made;
-    if (some) {
-      distance = measure_error(mesh, made.mesh, error, part.part(kRemeshShare, 0.95, "measuring distances"));
-      made.report.hausdorff_bound = distance.hausdorff();
-      made.report.hausdorff_lower = distance.hausdorff_lower();
-    }
-    const bool holds = made.report.hausdorff_bound <= error;
-    made.status = holds ? reached : std::max(reached, Outcome::kErrorMissed);
-    std::vector<RadiusCap> more;
-    if (some && !holds && round < kMaxErrorRounds) {
-      more = error_caps(mesh, made.mesh, made.samples, error, distance, part.part(0.95, 1));
-    }
-    seconds += watch.lap();
-    made.report.seconds_error = seconds;
-    const double aimed = sampling.max_samples;
-    bool last = more.empty();
-    if (!last) {
-      caps.insert(caps.end(), more.begin(), more.end());
-      last = expected_under(CapField(caps, kCapGradation), made.mesh, made.samples) > aimed;
-    }
-    if (round == 0 || made.report.hausdorff_bound < result.report.hausdorff_bound) result = std::move(made);
-    if (last) return;
-  }
-}
-
 /// Bounds of radii where triangles of the result cross.
 std::vector<RadiusCap> caps_at_crossings(const RemeshResult& result, const Execution& execution) {
   constexpr double kCrossingShare = 0.6;
@@ -585,39 +524,88 @@ std::vector<RadiusCap> caps_at_crossings(const RemeshResult& result, const Execu
   return caps;
 }
 
-/// Runs with smaller radii where sheets of the result cross each other and those of the surface do not, until they do not
-/// either; the run of the fewest crossings is kept. `result` as above.
-void remesh_without_crossings(const MeshView& mesh, const RemeshOptions& options, const SamplingOptions& sampling,
-                              const Execution& execution, RemeshResult& result) {
-  constexpr int kMaxCrossingRounds = 16;
-  constexpr double kFirstShare = 0.98;
-  std::vector<RadiusCap> caps;
+/// Do sheets of the result cross each other, and those of the surface do not?
+bool crosses(const RemeshReport& report) { return report.self_intersections > 0 && report.input_self_intersections == 0; }
+
+/// Measures how far the result is from the surface. Returns bounds of radii where that is too far.
+std::vector<RadiusCap> look_at_error(const MeshView& mesh, double error, const Execution& execution, RemeshResult& result) {
+  RemeshReport& report = result.report;
+  report.hausdorff_bound = report.hausdorff_lower = std::numeric_limits<double>::infinity();
+  if (!(total_area(result.mesh) > 0)) return {};
+  const DistanceReport distance = measure_error(mesh, result.mesh, error, execution.part(0, 0.75, "measuring distances"));
+  report.hausdorff_bound = distance.hausdorff();
+  report.hausdorff_lower = distance.hausdorff_lower();
+  if (report.hausdorff_bound <= error) return {};
+  return error_caps(mesh, result.mesh, result.samples, error, distance, execution.part(0.75, 1));
+}
+
+/// Runs with smaller and smaller radii where sheets of the result cross each other, and where it is farther from the surface
+/// than max_error, until neither is so; the best run is kept: of the fewest crossings, then of the least distance. `result`
+/// (in: cancelled) has what there is at any time.
+void remesh_until_right(const MeshView& mesh, RemeshOptions options, SamplingOptions sampling, const Execution& execution,
+                        RemeshResult& result) {
+  constexpr int kMaxFurtherRuns = 16;
+  constexpr double kSizingShare = 0.02, kFurtherShare = 0.5;
+  const double error = options.max_error;
+  const bool bounded = error > 0;
+  // Without a bound one run is enough, mostly.
+  const double first_share = bounded ? 0.5 : 0.98, run_share = bounded ? 0.8 : 0.99;
   double done = 0;
+  if (bounded && sampling.radius == 0 && sampling.target_count == 0 && sampling.sizing.empty()) {
+    sampling.sizing = error_sizing(mesh, error, execution.part(0, kSizingShare, "finding radii"));
+    done = kSizingShare;
+  }
+  if (bounded && options.curves.radius == 0 && options.curves.sizing.empty()) {
+    // Cutting off a crease, however short beside the radius, costs a part of its length.
+    constexpr double kCreaseSize = 4;
+    const double finest = kCreaseSize * error;
+    if (sampling.radius == 0 || finest < sampling.radius) options.curves.radius = finest;
+  }
+  const bool uncrosses = options.topology == Topology::kPreserve && sampling.neighborhood == Neighborhood::kSurface;
+  std::vector<RadiusCap> caps;
   Index most = 0;
-  for (int round = 0;; ++round) {
-    const double next = round == 0 ? kFirstShare : (1 + done) / 2;
+  double seconds = 0;
+  for (int run = 0;; ++run) {
+    const double next = done + (run == 0 ? first_share : kFurtherShare) * (1 - done);
     const Execution part = execution.part(done, next);
     done = next;
-    RemeshResult made;
-    made.status = Outcome::kCancelled;
-    if (round == 0) {
-      sample_and_remesh(mesh, options, sampling, caps, part, result);
-      most = most_refined(result.samples.size());
-    } else if (!completes([&] { sample_and_remesh(mesh, options, sampling, caps, part, made); }) ||
-               made.status == Outcome::kCancelled) {
+    RemeshResult further;
+    further.status = Outcome::kCancelled;
+    RemeshResult& made = run == 0 ? result : further;
+    std::vector<RadiusCap> more;
+    Outcome reached = Outcome::kCancelled;
+    const bool complete = completes([&] {
+      sample_and_remesh(mesh, options, sampling, caps, part.part(0, run_share), made);
+      reached = std::exchange(made.status, Outcome::kCancelled);  // until it is measured
+      if (reached == Outcome::kCancelled) return;
+      const Execution looking = part.part(run_share, 1);
+      if (bounded) {
+        Stopwatch watch;
+        more = look_at_error(mesh, error, looking.part(0, 0.9), made);
+        made.report.seconds_error = seconds += watch.lap();
+      }
+      if (!uncrosses || !crosses(made.report)) return;
+      const std::vector<RadiusCap> at_crossings = caps_at_crossings(made, looking.part(0.9, 1));
+      more.insert(more.end(), at_crossings.begin(), at_crossings.end());
+    });
+    if (!complete || reached == Outcome::kCancelled) {
       result.status = Outcome::kCancelled;
       return;
     }
-    const RemeshResult& last = round == 0 ? result : made;
-    const bool crosses = last.report.self_intersections > 0 && last.report.input_self_intersections == 0;
-    const bool refines = options.topology == Topology::kPreserve && sampling.neighborhood == Neighborhood::kSurface &&
-                         last.status != Outcome::kCancelled && round < kMaxCrossingRounds && last.samples.size() <= most;
-    if (crosses && refines) {
-      const std::vector<RadiusCap> more = caps_at_crossings(last, execution);
+    const bool too_far = bounded && !(made.report.hausdorff_bound <= error);
+    made.status = too_far ? std::max(reached, Outcome::kErrorMissed) : reached;
+    made.report.further_runs = run;
+    if (run == 0) most = most_refined(made.samples.size());
+    bool last = more.empty() || run == kMaxFurtherRuns || (!too_far && made.samples.size() > most);
+    if (!last) {
       caps.insert(caps.end(), more.begin(), more.end());
+      last = expected_under(CapField(caps, kCapGradation), made.mesh, made.samples) > sampling.max_samples;
     }
-    if (round > 0 && made.report.self_intersections < result.report.self_intersections) result = std::move(made);
-    if (!crosses || !refines) return;
+    const auto badness = [](const RemeshReport& report) {
+      return std::make_pair(crosses(report) ? report.self_intersections : 0, report.hausdorff_bound);
+    };
+    if (run > 0 && badness(further.report) < badness(result.report)) result = std::move(further);
+    if (last) return;
   }
 }
 
@@ -655,7 +643,7 @@ std::string lost_shape(const RemeshReport& report) {
     lost += (lost.empty() ? "" : ", ") + std::to_string(edges) + " of " + std::to_string(report.curves.edges) +
             " edges along curves are not in the result";
   }
-  if (knows_surface && report.self_intersections > 0 && report.input_self_intersections == 0) {
+  if (knows_surface && detail::crosses(report)) {
     lost += (lost.empty() ? "" : ", ") + std::to_string(report.self_intersections) + " pairs of triangles cross";
   }
   return lost.empty() ? lost : "the shape has changed: " + lost + remedy;
@@ -681,13 +669,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   }
   RemeshResult result;
   result.status = Outcome::kCancelled;
-  detail::completes([&] {
-    if (options.max_error > 0) {
-      detail::remesh_within_error(mesh, options, sampling, execution, result);
-    } else {
-      detail::remesh_without_crossings(mesh, options, sampling, execution, result);
-    }
-  });
+  detail::completes([&] { detail::remesh_until_right(mesh, options, sampling, execution, result); });
   if (result.mesh.vertices.empty()) result.mesh.vertices = result.samples.positions;
   if (result.status != Outcome::kCancelled) execution.finish();
   return result;

@@ -97,7 +97,7 @@ struct RemeshReport {
   /// lower one. Of RemeshOptions::max_error only, else both 0.
   double hausdorff_bound = 0;
   double hausdorff_lower = 0;
-  int error_rounds = 0;      ///< further runs with smaller radii, for max_error
+  int further_runs = 0;      ///< with smaller radii, where triangles crossed or the result was farther off than max_error
   double seconds_error = 0;  ///< measuring that distance; all runs
   double seconds_optimize = 0;
   double seconds_remesh = 0;  ///< extraction and orientation of the triangles

@@ -32,10 +32,10 @@ constexpr double kTargetSamples = 1e5;
 /// Curves that need so many samples, and so many times the wanted number, are refused: thin plates, needles.
 constexpr double kCurveSamples = 1e5;
 constexpr double kCurveSamplesPerTarget = 50;
-/// How far radii may grow beyond the first estimate to make room for samples that curves and topology ask for; and the least
-/// power of the radius with which the number of samples has to fall (2 on a surface without either), or growing ends.
+/// How far radii may grow beyond the first estimate to make room for samples that curves and topology ask for. Growing ends
+/// before where the number of samples does not fall with the square root of the radius (its square, on a surface without
+/// either).
 constexpr double kMaxScaleBesideFixed = 3;
-constexpr double kMinPowerBesideFixed = 0.5;
 /// Offset between the seeds of those runs: 2^64 over the golden ratio.
 constexpr std::uint64_t kSeedStride = 0x9e3779b97f4a7c15u;
 
@@ -638,8 +638,9 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     }
     const double count = run.result.samples.size();
     if (attempt == 1) first_count = count;
-    const double power = scale > first_scale ? std::log(first_count / count) / std::log(scale / first_scale) : 2;
-    helps = count <= target * (1 + kTargetTolerance) || power > kMinPowerBesideFixed;
+    // Without logarithms, whose last bits differ from one platform to another.
+    const double fall = first_count / count;
+    helps = count <= target * (1 + kTargetTolerance) || scale <= first_scale || fall * fall > scale / first_scale;
     model->learn(run.result.samples.size());
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;

@@ -24,7 +24,6 @@
 #include <exception>
 #include <limits>
 #include <new>
-#include <numeric>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -141,22 +140,12 @@ int complain(std::string message, int code = kExitTrouble) {
   return code;
 }
 
-/// Writes the result with its curves as lines and its patches as labels: triangles patch by patch, since readers of OBJ files
-/// make an object of each group they meet.
+/// Writes the result; with its curves, if it has any, as lines and its patches as labels.
 void write_result(const std::string& path, const amps::RemeshResult& result, const amps::Execution& execution) {
   amps::MeshWriteOptions writing;
   writing.edges = result.curve_edges;
-  if (writing.edges.empty()) return amps::write_mesh(path, result.mesh, writing, execution);
-  std::vector<std::size_t> order(result.patches.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return result.patches[a] < result.patches[b]; });
-  amps::Triangles triangles(static_cast<std::ptrdiff_t>(order.size()));
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    triangles.row(static_cast<std::ptrdiff_t>(i)) = result.mesh.triangles.row(static_cast<std::ptrdiff_t>(order[i]));
-    writing.labels.push_back(result.patches[order[i]]);
-  }
-  amps::write_mesh(path, {result.mesh.vertices, triangles}, writing, execution);
+  if (!writing.edges.empty()) writing.labels = result.patches;
+  amps::write_mesh(path, result.mesh, writing, execution);
 }
 
 amps::Fit fit_of(const Arguments& arguments) {
@@ -245,7 +234,10 @@ int run_remesh(const Arguments& arguments) {
 
   const Table table(arguments.quiet());
   table.row("", "input", "output");
-  table.row("vertices", number(report.input.vertices), std::to_string(result.mesh.vertices.rows()));
+  const amps::Index asked = options.sampling.target_count;
+  std::string vertices = std::to_string(result.mesh.vertices.rows());
+  if (asked > 0) vertices += " of " + number(asked) + " asked for";
+  table.row("vertices", number(report.input.vertices), vertices);
   table.row("triangles", number(report.input.facets), number(report.output.facets));
   print_topology(table, report.input, report.output);
   print_certificate(table, report.certificate);
@@ -304,12 +296,15 @@ int run_curves(const Arguments& arguments) {
 }
 
 int run_gaps(const Arguments& arguments) {
-  const amps::Neighborhood neighborhood = neighborhood_of(arguments, amps::Neighborhood::kSpace);
+  neighborhood_of(arguments, amps::Neighborhood::kSpace);  // refuses other names, before the work
   if (arguments.operands() > 2) require_mesh_output(arguments, arguments.operand(2));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
   Watch watch(arguments.quiet(), threads_of(arguments));
   const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.05));
   const amps::SampleSet samples = amps::read_samples(arguments.operand(1), watch.part(0.05, 0.1));
+  // Sets that say what of the surface their samples are on are those of remesh.
+  const amps::Neighborhood neighborhood =
+      neighborhood_of(arguments, samples.dimensions.empty() ? amps::Neighborhood::kSpace : amps::Neighborhood::kSurface);
   const amps::MaximalityReport report =
       amps::verify_maximal(mesh, samples, watch.part(0.1, 0.5), amps::ConflictRule::kMax, neighborhood);
   const double area = amps::total_area(mesh, watch.part(0.5, 0.51));
@@ -589,8 +584,12 @@ const std::vector<Command>& commands() {
        "IN SAMPLES [OUT]",
        "is a set of disks on a mesh maximal?",
        "SAMPLES is a sample set (.xyzr .ply .csv), made by amps or by anything else. If parts of the mesh IN are in no disk,\n"
-       "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not.",
-       {kInSpace, kThreads, kJson},
+       "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not. Disks of sets that say what of the "
+       "surface\n"
+       "their samples are on, as those of remesh (.ply .csv), know the surface, others are balls.",
+       {{"--neighborhood", "KIND", "space or surface, instead: disks are balls, or sheets do not see each other's disks"},
+        kThreads,
+        kJson},
        run_gaps},
       {"info",
        "IN",
@@ -636,7 +635,8 @@ void print_help() {
   }
   std::printf("\n'amps COMMAND --help' tells the options of a command, 'amps --version' the version.\n");
   std::printf(
-      "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape, 130 interrupted.\n");
+      "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape or missed --error, 130 "
+      "interrupted.\n");
 }
 
 void print_help(const Command& command) {

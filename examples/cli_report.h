@@ -255,7 +255,7 @@ inline void add_error(Json& json, double asked, const amps::RemeshReport& report
       .add("holds", report.hausdorff_bound <= asked)
       .add("hausdorff", report.hausdorff_bound)
       .add("hausdorff_lower", report.hausdorff_lower)
-      .add("rounds", report.error_rounds)
+      .add("rounds", report.further_runs)
       .add("seconds", report.seconds_error)
       .close();
 }

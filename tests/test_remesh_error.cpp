@@ -75,7 +75,7 @@ TEST_CASE("remesh error: a radius and a count are upper bounds of radii") {
   options.sampling.radius = 0.6;
   const amps::RemeshResult by_radius = amps::remesh(mesh, options);
   CHECK(by_radius.report.hausdorff_bound <= error);
-  CHECK(by_radius.report.error_rounds > 0);
+  CHECK(by_radius.report.further_runs > 0);
   options.sampling.radius = 0;
   options.sampling.target_count = 2000;
   const amps::RemeshResult by_count = amps::remesh(mesh, options);
