@@ -349,6 +349,15 @@ assert len(zlib.decompress(pixels)) == 200 * (1 + 3 * 200)
 PYTHON
 fi
 
+# Sets of remesh say what of the surface they are on: their disks know it, and are not called too near.
+run 0 make cube thin.obj --n 12
+awk '$1 == "v" { $4 *= 0.05 } { print }' thin.obj >plate2.obj
+run 0 remesh plate2.obj plate3.obj --vertices 600 --samples plate3.csv
+run 0 gaps plate2.obj plate3.csv
+grep -q '^Poisson-disk *yes' log/out || fail "gaps takes a set of remesh for balls"
+run 0 gaps plate2.obj plate3.csv --neighborhood space
+grep -q '^Poisson-disk *no' log/out || fail "sheets nearer than r are apart for balls"
+
 echo "-- bad usage"
 bad "no command"
 bad "unknown command" frobnicate
