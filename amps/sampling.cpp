@@ -313,6 +313,33 @@ void require_fitting_grid(const Box& box, double min, double max) {
                                         "; take a larger radius, fewer curves, or parts that are nearer to each other");
 }
 
+/// Wanted radii beside samples on curves, under bounds that they and failures ask for (null: none do).
+struct BoundedRadii {
+  WantedRadii radii;
+  std::shared_ptr<const CapField> caps;
+};
+
+/// `curves`: null where there are none.
+BoundedRadii bounded_radii(const WantedRadii& radii, const std::vector<RadiusCap>& limits, const CurveSamples* curves,
+                           const Box& box) {
+  std::vector<RadiusCap> caps = limits;
+  double min = radii.min(), max = radii.max();
+  for (const RadiusCap& cap : caps) min = std::min(min, cap.radius);
+  if (curves != nullptr) {
+    for (const CurveSample& on_curve : curves->samples) {
+      min = std::min(min, on_curve.sample.radius);
+      max = std::max(max, on_curve.sample.radius);
+    }
+    caps.insert(caps.end(), curves->caps.caps().begin(), curves->caps.caps().end());
+  }
+  std::shared_ptr<const CapField> field;
+  if (!caps.empty()) {
+    require_fitting_grid(box, min, max);
+    field = std::make_shared<const CapField>(std::move(caps), kCapGradation);
+  }
+  return {radii.beside(min, max).with_caps(field), field};
+}
+
 /// What one round of a run is made from.
 struct SamplingRound {
   const WantedRadii& radii;
@@ -329,10 +356,6 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
   const SamplingSurface& surface = round.surface;
   const double density = round.radii.density_integral(total_area(mesh));
   std::shared_ptr<CurveSamples> curves;
-  WantedRadii bounded = round.radii;
-  std::vector<RadiusCap> caps = round.limits;
-  double min = round.radii.min(), max = round.radii.max();
-  for (const RadiusCap& cap : caps) min = std::min(min, cap.radius);
   const double curves_end = has_curves(surface) ? 0.05 : 0;
   if (curves_end > 0) {
     const CapField limits(round.limits, kCapGradation);
@@ -354,18 +377,9 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
       run.result.report.seed = round.seed;
       return run;
     }
-    for (const CurveSample& on_curve : curves->samples) {
-      min = std::min(min, on_curve.sample.radius);
-      max = std::max(max, on_curve.sample.radius);
-    }
-    caps.insert(caps.end(), curves->caps.caps().begin(), curves->caps.caps().end());
   }
-  if (!caps.empty()) require_fitting_grid(round.box, min, max);
-  bounded = bounded.beside(min, max);
-  std::shared_ptr<const CapField> cap_field;
-  if (!caps.empty()) cap_field = std::make_shared<const CapField>(std::move(caps), kCapGradation);
-  bounded = bounded.with_caps(cap_field);
-  SamplingTask task(mesh, options, bounded, round.box, surface.flood, round.seed);
+  BoundedRadii bounded = bounded_radii(round.radii, round.limits, curves.get(), round.box);
+  SamplingTask task(mesh, options, bounded.radii, round.box, surface.flood, round.seed);
   if (curves != nullptr) {
     for (const CurveSample& on_curve : curves->samples) {
       if (round.kept != nullptr) {
@@ -393,7 +407,7 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
   if (task.status == Outcome::kCancelled) diagram.reset();
   SamplingRun run = finish_run(task, std::move(diagram));
   run.curves = std::move(curves);
-  run.caps = std::move(cap_field);
+  run.caps = std::move(bounded.caps);
   return run;
 }
 
@@ -502,20 +516,9 @@ class TopologyRefiner {
   }
 
   void edit(const CapField& bounds, const Execution& execution) {
-    std::vector<RadiusCap> caps = caps_.caps();
-    double min = first_.radii.min(), max = first_.radii.max();
-    for (const RadiusCap& cap : caps) min = std::min(min, cap.radius);
-    if (run_.curves != nullptr) {
-      const std::vector<RadiusCap>& of_curves = run_.curves->caps.caps();
-      caps.insert(caps.end(), of_curves.begin(), of_curves.end());
-      for (const CurveSample& on_curve : run_.curves->samples) {
-        min = std::min(min, on_curve.sample.radius);
-        max = std::max(max, on_curve.sample.radius);
-      }
-    }
-    require_fitting_grid(first_.box, min, max);
-    run_.caps = std::make_shared<const CapField>(std::move(caps), kCapGradation);
-    set_->lower(bounds, first_.radii.beside(min, max).with_caps(run_.caps), rng_, execution);
+    BoundedRadii bounded = bounded_radii(first_.radii, caps_.caps(), run_.curves.get(), first_.box);
+    run_.caps = std::move(bounded.caps);
+    set_->lower(bounds, bounded.radii, rng_, execution);
     edited_ = true;
   }
 
