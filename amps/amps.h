@@ -42,7 +42,7 @@
 //   triangulation_queries   (its .cpp only) cells, neighbours, location, the proof of all invariants
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
-//   site_grid.h      (internal) sites by place, while they come and go
+//   site_tree.h      (internal) sites by place, while they come and go
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
 //   power_diagram_clipper  (internal) its polygons, cut by bisectors
 //   power_diagram_edit     (its .cpp only) inserting and removing sites
@@ -72,6 +72,7 @@
 //   refill.h         (internal) finding refills that improve what is bad
 //   sample_edit.h    (internal) samples, diagram and grid edited together, kept or undone
 //   optimize.h       better triangles and valences by refilling gaps
+//   polygons.h       (internal) polygons of files, cut into triangles
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
@@ -83,6 +84,7 @@
 //   self_intersections.h  facets that cross, touch or overlap
 //   fit_system.h     (internal) offsets of vertices by least squares
 //   fit.h            vertices that leave the surface, so that triangles lie closer to it
+//   error_refinement.h  (internal) smaller radii where a result is too far from the surface
 //   remesh.h         the dual triangulation, and the whole pipeline in one call
 #pragma once
 

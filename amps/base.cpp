@@ -44,6 +44,8 @@ const char* name_of(Outcome outcome) noexcept {
       return "iteration limit";
     case Outcome::kStalled:
       return "stalled";
+    case Outcome::kErrorMissed:
+      return "error missed";
     case Outcome::kShapeChanged:
       return "shape changed";
     case Outcome::kCancelled:

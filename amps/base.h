@@ -82,14 +82,15 @@ Vec3 uniform_barycentric(Rng& rng) noexcept;
 /// another.
 enum class Outcome {
   kDone,            ///< everything asked for was reached
-  kCountMissed,     ///< the number of samples is another one than asked for: the shape needs more, or fewer fit on it
   kIterationLimit,  ///< as many iterations as allowed were spent
   kStalled,         ///< going on would bring nothing, or too little
+  kCountMissed,     ///< the number of samples is another one than asked for: the shape needs more, or fewer fit on it
+  kErrorMissed,     ///< the result is farther from the surface than asked for, or not proved to be as near
   kShapeChanged,    ///< the result has another topology than the surface, lacks some of its curves, or is empty
   kCancelled,       ///< stopped through Progress
 };
 
-/// In words: "done", "count missed", "iteration limit", "stalled", "shape changed", "cancelled".
+/// In words: "done", "iteration limit", "stalled", "count missed", "error missed", "shape changed", "cancelled".
 const char* name_of(Outcome outcome) noexcept;
 
 namespace detail {

@@ -574,9 +574,10 @@ CurveRadii CurveSampler::radii_of(Index c) const {
 void CurveSampler::require_few(double radii_of_way) const {
   const double samples = radii_of_way / kMeanChord;
   if (samples <= options_.max_samples) return;
-  throw Error(ErrorCode::kTooLarge, "curves: they need more than " + number_text(options_.max_samples) +
-                                        " samples, so long are they beside the wanted radius or so close to each other; choose "
-                                        "a greater radius, or keep fewer curves");
+  throw Error(ErrorCode::kTooLarge,
+              "curves: they need more than " + number_text(options_.max_samples) +
+                  " samples, so long are they beside the wanted radius or so close to each other (thin "
+                  "plates, needles); choose a greater radius, ask for more vertices, or keep fewer curves");
 }
 
 /// How many pieces each curve needs, so that no two edges of curves have the same ends.

@@ -39,7 +39,7 @@ class CurveFinder {
   CurveGraph find() {
     curve_.assign(edges_.size(), 0);
     fixed_.assign(edges_.size(), 0);
-    kind_.assign(edges_.size(), CurveKind::kCrease);
+    kind_.assign(edges_.size(), CurveKind::kMarked);
     measure_edges();
     mark_fixed();
     if (options_.creases) {
@@ -127,7 +127,6 @@ class CurveFinder {
                                                      std::to_string(pair[1]) + " are marked as an edge, but share none");
       }
       fixed_[e] = curve_[e] = 1;
-      kind_[e] = std::min(kind_[e], CurveKind::kMarked);
     }
   }
 
@@ -180,7 +179,9 @@ class CurveFinder {
       const Vec3 &a = normal_[slot(edge[0].facet)], &b = normal_[slot(edge[1].facet)];
       if (alignment(edge) * cosine_between(a, b) < threshold) {
         // A facet without a normal is no evidence of a crease.
-        if (!a.isZero(0) && !b.isZero(0)) curve_[e] = 1;
+        if (a.isZero(0) || b.isZero(0)) return;
+        curve_[e] = 1;
+        kind_[e] = std::min(kind_[e], CurveKind::kCrease);
       }
     });
   }
@@ -476,7 +477,7 @@ class CurveFinder {
   const Execution& run_;
   std::vector<double> length_, radius_;          // by edge
   std::vector<char> curve_, fixed_, candidate_;  // by edge
-  std::vector<CurveKind> kind_;                  // by edge; kCrease where none is known
+  std::vector<CurveKind> kind_;                  // by edge; kMarked where nothing else is known
   std::vector<Index> first_;                     // of each vertex the surface vertex, where something is marked
   std::vector<Vec3> normal_;                     // by facet
   std::vector<double> area_;
@@ -517,10 +518,10 @@ const char* name_of(CurveKind kind) noexcept {
       return "edge of many sheets";
     case CurveKind::kLabels:
       return "border of labels";
-    case CurveKind::kMarked:
-      return "marked";
     case CurveKind::kCrease:
       return "crease";
+    case CurveKind::kMarked:
+      return "marked";
   }
   return "";
 }

@@ -30,12 +30,12 @@ enum class CurveKind {
   kBorder,      ///< it has one facet
   kManySheets,  ///< it has three facets or more
   kLabels,      ///< its facets have different labels
-  kMarked,      ///< by the user
-  kCrease,
+  kCrease,      ///< its facets' normals differ by more than the threshold
+  kMarked,      ///< by the user, and none of these
 };
 inline constexpr std::size_t kNumCurveKinds = 5;
 
-/// In words: "border", "edge of many sheets", "border of labels", "marked", "crease".
+/// In words: "border", "edge of many sheets", "border of labels", "crease", "marked".
 const char* name_of(CurveKind kind) noexcept;
 
 /// A piece of a curve between two corners, or a loop.
@@ -45,7 +45,7 @@ struct Curve {
   std::vector<double> arc;         ///< length from the start at each vertex, n + 1; absolute
   bool closed = false;             ///< a loop without corner
   Index first_corner = kNone, last_corner = kNone;  ///< places in CurveGraph::corners; kNone if closed
-  CurveKind kind = CurveKind::kCrease;              ///< of its edges the first in the order of CurveKind; of an edge, too
+  CurveKind kind = CurveKind::kMarked;              ///< of its edges the first in the order of CurveKind; of an edge, too
   double length() const { return arc.back(); }
 };
 

@@ -134,8 +134,9 @@ double DiskSet::lowered_radius(const SurfacePoint& x, double wanted, const Wante
 /// The grid is made for equal radii, or for those from min_radius_ on; over a surface some fall below.
 void DiskSet::widen_grid(double radius) {
   constexpr double kOctaves = 16;  // levels without samples cost nothing
-  min_radius_ = std::min(min_radius_, radius) / kOctaves;
+  min_radius_ = std::min(min_radius_, radius);
   max_radius_ = std::max(max_radius_, radius);
+  if (VoxelGrid::fits(box_, min_radius_ / kOctaves, max_radius_)) min_radius_ /= kOctaves;
   grid_ = VoxelGrid(box_, min_radius_, max_radius_);
   for (std::size_t id = 0; id < samples_.size(); ++id) {
     if (stored_[id] != 0) grid_.insert(samples_[id].position(), samples_[id].radius, static_cast<Index>(id));
@@ -172,10 +173,16 @@ void DiskSet::forget_reach(Index id) {
   if (knows_surface()) lists_->remove(id);
 }
 
-std::shared_ptr<const SurfaceFlood> flood_of(const MeshView& mesh, Neighborhood neighborhood, const Execution& execution) {
-  if (neighborhood != Neighborhood::kSurface) return nullptr;
-  return std::make_shared<const SurfaceFlood>(mesh, SurfaceEdges(mesh, execution.part(0, 0.7)), std::vector<char>(),
-                                              execution.part(0.7, 1));
+std::shared_ptr<const SurfaceFlood> flood_of(const MeshView& mesh, Neighborhood neighborhood, const Execution& execution,
+                                             const CurveGraph* curves) {
+  if (neighborhood != Neighborhood::kSurface) {
+    if (curves == nullptr || curves->empty()) return nullptr;
+    throw Error(ErrorCode::kInvalidArgument,
+                "samples: balls do not end at curves; set Neighborhood::kSurface, or leave them out");
+  }
+  const bool cut = curves != nullptr && !curves->empty();
+  return std::make_shared<const SurfaceFlood>(mesh, SurfaceEdges(mesh, execution.part(0, 0.7)),
+                                              cut ? curves->is_curve_edge : std::vector<char>(), execution.part(0.7, 1));
 }
 
 std::shared_ptr<DiskSet> disks_of(const MeshView& mesh, const SampleSet& samples, double min_radius, double max_radius,

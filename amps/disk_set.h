@@ -4,6 +4,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/curves.h"
 #include "amps/mesh.h"
 #include "amps/reach.h"
 #include "amps/samples.h"
@@ -83,8 +84,9 @@ class DiskSet {
   mutable std::vector<Index> near_, homes_, flooded_;
 };
 
-/// The floods of a mesh where disks know their surface, else null.
-std::shared_ptr<const SurfaceFlood> flood_of(const MeshView& mesh, Neighborhood neighborhood, const Execution& execution = {});
+/// The floods of a mesh where disks know their surface, cut at its curves (null: at none); else null.
+std::shared_ptr<const SurfaceFlood> flood_of(const MeshView& mesh, Neighborhood neighborhood, const Execution& execution = {},
+                                             const CurveGraph* curves = nullptr);
 
 /// The disks of a set, ids being rows. Over a surface a sample that says of no facet lies on the nearest one. The radii are
 /// those of the set, and others in [min_radius, max_radius]. Throws Error(kTooLarge) for radii out of proportion to the box.

@@ -4,12 +4,14 @@
 #include "amps/fit_system.h"
 #include "amps/mesh_edges.h"
 #include "amps/portable_math.h"
+#include "amps/self_intersections.h"
 #include "amps/surface_tree.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <locale>
 #include <memory>
@@ -323,6 +325,8 @@ class VertexFit {
   FitSamples take_samples(Residual& residual, const Execution& run);
   void sample_input(std::vector<FitSample>& samples, std::vector<Index>& triangle, std::vector<double>& square,
                     const Execution& run);
+  Mesh mesh_now() const;
+  bool avoid_intersections(const Execution& run);
   FitCorners corners(std::size_t f) const { return corners_at(triangles_, at_, f); }
   /// Whether a point of a triangle and one of the input, where the normal is that, lie on sheets of opposed normals.
   bool opposed(std::size_t f, const Vec3& area, const Vec3& normal) const { return sense_[f] * area.dot(normal) < 0; }
@@ -489,12 +493,7 @@ FitSamples VertexFit::take_samples(Residual& residual, const Execution& run) {
 /// The points of the input: samples, their triangles and squared distances.
 void VertexFit::sample_input(std::vector<FitSample>& samples, std::vector<Index>& triangle, std::vector<double>& square,
                              const Execution& run) {
-  Mesh mesh{Points(static_cast<std::ptrdiff_t>(at_.size())), Triangles(static_cast<std::ptrdiff_t>(triangles_.size()))};
-  for (std::size_t v = 0; v < at_.size(); ++v) mesh.vertices.row(static_cast<std::ptrdiff_t>(v)) = at_[v].transpose();
-  for (std::size_t f = 0; f < triangles_.size(); ++f) {
-    mesh.triangles.row(static_cast<std::ptrdiff_t>(f)) << triangles_[f][0], triangles_[f][1], triangles_[f][2];
-  }
-  const SurfaceTree tree(mesh, run.part(0, 0.2));
+  const SurfaceTree tree(mesh_now(), run.part(0, 0.2));
   const std::vector<SurfaceHit> hits = nearest_again(tree, input_points_.positions, input_hints_, run.part(0.2, 1));
   samples.resize(hits.size());
   triangle.resize(hits.size());
@@ -682,16 +681,78 @@ std::vector<std::uint8_t> VertexFit::without_worse(const Residual& before, const
   return shares;
 }
 
+Mesh VertexFit::mesh_now() const {
+  Mesh mesh{Points(static_cast<std::ptrdiff_t>(at_.size())), Triangles(static_cast<std::ptrdiff_t>(triangles_.size()))};
+  for (std::size_t v = 0; v < at_.size(); ++v) mesh.vertices.row(static_cast<std::ptrdiff_t>(v)) = at_[v].transpose();
+  for (std::size_t f = 0; f < triangles_.size(); ++f) {
+    mesh.triangles.row(static_cast<std::ptrdiff_t>(f)) << triangles_[f][0], triangles_[f][1], triangles_[f][2];
+  }
+  return mesh;
+}
+
+/// Puts vertices back to where they were at the start until no triangles intersect that did not then, and bounds hold. Whether
+/// any were. Ends, since with all of them back that is so.
+bool VertexFit::avoid_intersections(const Execution& run) {
+  SelfIntersectionOptions options;
+  options.max_pairs = std::numeric_limits<Index>::max();
+  const auto pairs_now = [&](double from, double to) {
+    options.execution = run.part(from, to);
+    return find_self_intersections(mesh_now(), options).pairs;
+  };
+  double done = 0.3;
+  std::vector<SelfIntersection> now = pairs_now(0, done), before, more;
+  if (now.empty()) return false;
+  std::vector<Vec3> fitted = start_;
+  std::swap(at_, fitted);
+  before = pairs_now(done, 2 * done);
+  std::swap(at_, fitted);
+  done *= 2;
+  std::vector<std::size_t> facets, again;
+  bool any = false;
+  const auto put_back = [&](std::size_t f) {
+    for (const Index v : triangles_[f]) {
+      if (at_[slot(v)] == start_[slot(v)]) continue;
+      any = true;
+      at_[slot(v)] = start_[slot(v)];
+      held_back_[slot(v)] = 1;
+      for (std::size_t i = elements_.first_corner(slot(v)); i < elements_.first_corner(slot(v) + 1); ++i) {
+        again.push_back(elements_.corner(i) / 3);
+      }
+    }
+  };
+  for (;;) {
+    more.clear();
+    std::set_difference(now.begin(), now.end(), before.begin(), before.end(), std::back_inserter(more));
+    if (more.empty()) return any;
+    for (const SelfIntersection& pair : more) {
+      put_back(slot(pair.a));
+      put_back(slot(pair.b));
+    }
+    while (!again.empty()) {
+      std::swap(facets, again);
+      again.clear();
+      run.check();
+      for (const std::size_t f : facets) {
+        if (!bounds_.hold(at_, f)) put_back(f);
+      }
+    }
+    now = pairs_now(done, done + (1 - done) / 2);
+    done += (1 - done) / 2;
+  }
+}
+
 Points VertexFit::fit(const MeshView& mesh, FitReport& report) {
   Residual residual;
   FitSamples samples = take_samples(residual, run_.part(0.33, 0.4));
   report.rms_before = std::sqrt(residual.mean_square) / scale_;
   report.max_before = residual.max / scale_;
   const int rounds = fit_ == Fit::kNormal ? 1 : kFreeRounds;
+  constexpr double kFitted = 0.85;
+  const Residual at_start = residual;
   double done = 0.4;
   for (int round = 0; round < rounds; ++round) {
     constexpr double kShareOfRest = 0.4;  // each round may be the last
-    const double until = fit_ == Fit::kNormal ? 1 : done + kShareOfRest * (1 - done);
+    const double until = fit_ == Fit::kNormal ? kFitted : done + kShareOfRest * (kFitted - done);
     const Execution run = run_.part(done, until);
     done = until;
     const std::vector<Vec3> moves = moves_of(samples, run.part(0, 0.3));
@@ -711,6 +772,13 @@ Points VertexFit::fit(const MeshView& mesh, FitReport& report) {
     stiffness_ *= kRelaxation;
     if (residual.mean_square > (1 - 2 * kLeastGain) * before.mean_square) break;
     if (round + 1 < rounds) compute_normals();
+  }
+  if (report.rounds > 0 && avoid_intersections(run_.part(kFitted, 0.95))) {
+    take_samples(residual, run_.part(0.95, 1));
+    if (residual.mean_square > at_start.mean_square) {
+      at_ = start_;
+      residual = at_start;
+    }
   }
   report.rms_after = std::sqrt(residual.mean_square) / scale_;
   report.max_after = residual.max / scale_;

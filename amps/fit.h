@@ -66,8 +66,9 @@ std::ostream& operator<<(std::ostream& out, const FitReport& report);
 
 /// The vertices of `mesh`, moved so that its triangles lie closer to `input`: #V by 3, in the same order. The mesh's vertices
 /// lie on the input or near it, as those of remesh() do. Never is rms_after above rms_before. No triangle turns by more than
-/// 60°. Where two sheets of the input are near each other, points count only with the sheet that their triangle's corners are
-/// of: one whose normal is not opposed. Vertices whose move is less than rounding, as on planes, keep their bits.
+/// 60°, and none intersects another (find_self_intersections) that it did not before: vertices go back for that. Where two
+/// sheets of the input are near each other, points count only with the sheet that their triangle's corners are of: one whose
+/// normal is not opposed. Vertices whose move is less than rounding, as on planes, keep their bits.
 ///
 /// Throws Error(kInvalidMesh) for an input that is not usable (require_usable), a mesh with an index out of range or a
 /// coordinate that is not finite, Error(kInvalidArgument) for options out of range; kCancelled. Thread-safe.

@@ -127,16 +127,16 @@ RestrictedPowerDiagram diagram_of(const MeshView& mesh, const SampleSet& samples
 }
 
 SetDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, Neighborhood neighborhood, double max_radius,
-                      const Execution& execution) {
+                      const Execution& execution, const CurveGraph* curves) {
   require_sample_set(samples);
   std::shared_ptr<DiskSet> disks;
   double begin = 0;
-  if (neighborhood == Neighborhood::kSurface) {
+  if (neighborhood == Neighborhood::kSurface || curves != nullptr) {
     constexpr double kFloodsShare = 0.2;
     begin = kFloodsShare;
     require_usable(mesh);
-    const auto flood = flood_of(mesh, neighborhood, execution.part(0, begin / 2));
-    disks = disks_of(mesh, samples, INFINITY, max_radius, flood, execution.part(begin / 2, begin));
+    const auto flood = flood_of(mesh, neighborhood, execution.part(0, begin / 2), curves);
+    if (flood != nullptr) disks = disks_of(mesh, samples, INFINITY, max_radius, flood, execution.part(begin / 2, begin));
   }
   RestrictedPowerDiagram diagram(mesh, samples.positions, weights_of(samples.radii),
                                  disks == nullptr ? nullptr : disks->reach_lists(), execution.part(begin, 1));
@@ -187,18 +187,19 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
 }  // namespace detail
 
 MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution, ConflictRule rule,
-                                Neighborhood neighborhood) {
+                                Neighborhood neighborhood, const CurveGraph* curves) {
   const Execution run = execution.start();
   detail::require_neighborhood(neighborhood, rule);
-  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.85));
+  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.85), curves);
   const MaximalityReport report = detail::measure_maximality(set.diagram, rule, run.part(0.85, 1), set.disks.get());
   run.finish();
   return report;
 }
 
-GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution, Neighborhood neighborhood) {
+GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution, Neighborhood neighborhood,
+                 const CurveGraph* curves) {
   const Execution run = execution.start();
-  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9));
+  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9), curves);
   const RestrictedPowerDiagram& diagram = set.diagram;
   detail::Ticker ticker(run.part(0.9, 1, "listing gaps"), detail::slot(diagram.fragment_capacity()), detail::kFragmentsPerLook);
   detail::FragmentGap gap;

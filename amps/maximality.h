@@ -7,6 +7,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/curves.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
@@ -34,10 +35,12 @@ struct MaximalityReport {
   }
   bool poisson_disk(double tolerance = 1e-9) const { return measured && worst_separation >= 1 - tolerance; }
 };
+/// `curves` (optional): disks end at these, as those of remesh() do (RemeshResult::graph); with Neighborhood::kSurface only.
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
 /// barycentrics are given but not one a sample; kInvalidMesh; kCancelled, as find_gaps().
 MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                                ConflictRule rule = ConflictRule::kMax, Neighborhood neighborhood = Neighborhood::kSpace);
+                                ConflictRule rule = ConflictRule::kMax, Neighborhood neighborhood = Neighborhood::kSpace,
+                                const CurveGraph* curves = nullptr);
 std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
 
 /// The uncovered part of the surface as triangles: the gap primitives. Each triangle contains a piece of a gap (and may
@@ -49,7 +52,7 @@ struct GapSet {
   double area = 0;            ///< exact uncovered area (less than that of the primitives)
 };
 GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                 Neighborhood neighborhood = Neighborhood::kSpace);
+                 Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
 
 namespace detail {
 
@@ -64,7 +67,7 @@ struct SetDiagram {
 };
 /// `max_radius`: of samples to come; those there are may be larger.
 SetDiagram diagram_of(const MeshView& mesh, const SampleSet& samples, Neighborhood neighborhood, double max_radius,
-                      const Execution& execution);
+                      const Execution& execution, const CurveGraph* curves = nullptr);
 /// Is any point of the surface outside of its owner's disk? Exact.
 bool has_gaps(const RestrictedPowerDiagram& diagram, const Execution& execution = {});
 /// `disks`: those of the diagram's sites where they know their surface, else null.

@@ -16,6 +16,10 @@ namespace amps {
 struct Mesh {
   Points vertices;      ///< #V by 3
   Triangles triangles;  ///< #F by 3
+  /// What readers say of a file of polygons; nothing else fills or reads it. By triangle the number of its polygon, from 0 in
+  /// the order of the file, all faces counted; empty where triangle f is face f.
+  std::vector<Index> polygons = {};
+  std::vector<Index> crossing_polygons = {};  ///< those that cross themselves, ascending: their triangles are a guess
 };
 
 /// What functions take: a view of somebody's buffers (buffers.h), made from a Mesh or from views of vertices and triangles,

@@ -10,7 +10,9 @@
 #include <cstdint>
 #include <istream>
 #include <limits>
+#include <numeric>
 #include <ostream>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -195,14 +197,22 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   const auto need = [&](std::int64_t bytes, const char* what) {
     if (source.end() - p < bytes) source.fail_byte(p, std::string("the file ends inside ") + what + "; it is cut short");
   };
-  const auto next_int = [&p] {
-    p += 4;
-    return std::int64_t{load_as<std::int32_t, std::uint32_t>(p - 4, true)};
-  };
   need(12, "the counts");
+  const std::int64_t stride = 4 * header.floats_per_vertex;
+  // Big-endian by definition, but some programs write the order of their machine: counts that fit tell.
+  const auto plausible = [&](bool big_endian) {
+    const std::int64_t left = source.end() - p - 12;
+    const std::int64_t v = load_as<std::int32_t, std::uint32_t>(p, big_endian);
+    const std::int64_t f = load_as<std::int32_t, std::uint32_t>(p + 4, big_endian);
+    return v >= 0 && f >= 0 && v <= left / stride && f <= left / 8;
+  };
+  const bool big_endian = plausible(true) || !plausible(false);
+  const auto next_int = [&p, big_endian] {
+    p += 4;
+    return std::int64_t{load_as<std::int32_t, std::uint32_t>(p - 4, big_endian)};
+  };
   const std::int64_t vertices = next_int(), faces = next_int();
   next_int();  // edges
-  const std::int64_t stride = 4 * header.floats_per_vertex;
   require_plausible(source, vertices, faces, stride, 8, source.end() - p);
   MeshBuilder builder(source);
   builder.reserve(static_cast<std::size_t>(vertices), static_cast<std::size_t>(faces));
@@ -210,7 +220,7 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
     source.look(p);
     need(stride, "the vertices");
     double xyz[3];
-    for (int k = 0; k < 3; ++k) xyz[k] = static_cast<double>(load_as<float, std::uint32_t>(p + 4 * k, true));
+    for (int k = 0; k < 3; ++k) xyz[k] = static_cast<double>(load_as<float, std::uint32_t>(p + 4 * k, big_endian));
     if (!all_finite(xyz)) source.fail_byte(p, kNotFinite);
     builder.add_vertex(xyz);
   }
@@ -290,16 +300,23 @@ Mesh parse_off(const IoSource& source) {
 
 Mesh parse_ply(const IoSource& source) {
   PlyReader reader(source);
-  PlyContent content = reader.read({"x", "y", "z"});
+  MeshBuilder builder(source);
+  PlyContent content = reader.read({"x", "y", "z"}, builder);
   if (content.num_vertices > 0 && !(content.found[0] && content.found[1] && content.found[2])) {
     source.fail("its vertices have no x, y and z; it is not a PLY mesh");
   }
-  Mesh mesh = std::move(content.faces);
   for (std::size_t i = 0; i < content.at.size(); ++i) {
     if (!all_finite(content.values.data() + 3 * i)) reader.fail(content.at[i], kNotFinite);
   }
-  mesh.vertices = Points(std::move(content.values));
-  return mesh;
+  builder.set_coordinates(std::move(content.values));
+  return builder.finish();
+}
+
+/// What looks like a damaged file of any format, but is a good one in wraps.
+void refuse_encodings(const IoSource& source) {
+  const auto starts_with = [&](std::string_view bytes) { return source.data.substr(0, bytes.size()) == bytes; };
+  if (starts_with("\x1F\x8B\x08")) source.fail("it is compressed by gzip; uncompress it first");
+  if (starts_with("\xFF\xFE") || starts_with("\xFE\xFF")) source.fail("it is text in UTF-16; save it as UTF-8");
 }
 
 // STL
@@ -522,6 +539,17 @@ std::string format_ply(const MeshView& mesh, const MeshWriteOptions& options, co
   return out;
 }
 
+/// Places of the labels, those of one number one after another: numbers in the order in which they come.
+std::vector<std::size_t> group_by_group(const std::vector<Index>& labels) {
+  std::unordered_map<Index, std::size_t> rank;
+  for (const Index label : labels) rank.emplace(label, rank.size());
+  std::vector<std::size_t> order(labels.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return rank.at(labels[a]) < rank.at(labels[b]); });
+  return order;
+}
+
 std::string format_obj(const MeshView& mesh, const MeshWriteOptions& options, const Execution& run) {
   const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
   const std::size_t num_marks = options.edges.size() + options.vertices.size();
@@ -532,9 +560,11 @@ std::string format_obj(const MeshView& mesh, const MeshWriteOptions& options, co
     ticker.tick(kVertexTextCost);
     append_row(out, "v ", mesh.vertices[v]);
   }
-  for (std::size_t f = 0; f < num_facets; ++f) {
+  const std::vector<std::size_t> order = group_by_group(options.labels);
+  for (std::size_t k = 0; k < num_facets; ++k) {
     ticker.tick();
-    if (!options.labels.empty() && (f == 0 || options.labels[f] != options.labels[f - 1])) {
+    const std::size_t f = order.empty() ? k : order[k];
+    if (!order.empty() && (k == 0 || options.labels[f] != options.labels[order[k - 1]])) {
       out += "g " + options.label_name + '_' + std::to_string(options.labels[f]) + '\n';
     }
     append_row(out, "f ", mesh.triangles[static_cast<std::ptrdiff_t>(f)], 1);
@@ -585,6 +615,7 @@ Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& nam
   const Execution run = execution.start("reading");
   const auto parse = [&] {
     const detail::IoSource source{data, name, run};
+    detail::refuse_encodings(source);
     if (format == MeshFormat::kObj) return detail::parse_obj(source);
     if (format == MeshFormat::kOff) return detail::parse_off(source);
     if (format == MeshFormat::kPly) return detail::parse_ply(source);

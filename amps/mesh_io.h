@@ -29,10 +29,12 @@ enum class SampleFormat { kXyzr, kPly, kCsv };
 MeshFormat mesh_format(const std::filesystem::path& path);
 SampleFormat sample_format(const std::filesystem::path& path);
 
-/// Reads a triangle mesh. Polygons are cut into a fan from their first corner, keeping their orientation; faces of fewer than
-/// three corners are dropped; triangles with repeated indices are kept (check() reports them). Vertices keep number and order,
-/// but those of an STL, which has none, are merged where equal. Normals, colours, texture coordinates, materials and groups
-/// are skipped. An OFF or PLY file may hold no facet at all; an OBJ file must have a vertex, an ascii STL its `endsolid`.
+/// Reads a triangle mesh. Polygons, concave ones and those with bridges to holes too, are cut into triangles that tile them,
+/// keeping their orientation; Mesh::polygons says whose each triangle is, Mesh::crossing_polygons which cross themselves and
+/// are cut into a fan from their first corner. Faces of fewer than three corners are dropped; triangles with repeated indices
+/// are kept (check() reports them). Vertices keep number and order, but those of an STL, which has none, are merged where
+/// equal. Normals, colours, texture coordinates, materials and groups are skipped. An OFF or PLY file may hold no facet at all;
+/// an OBJ file must have a vertex, an ascii STL its `endsolid`.
 ///
 /// Throws Error: kFileNotFound (cannot be opened or read), kFileFormat (unknown extension, cut short, not this format,
 /// a coordinate that is not a finite number, an index out of range, counts larger than the file), kTooLarge (more vertices or
@@ -70,8 +72,8 @@ struct MeshWriteOptions {
   /// Vertices that OBJ files hold as points (`p`), in a group `points`; other formats leave them out.
   std::vector<Index> vertices;
   /// #F, or empty: a number for each facet, such as its patch. PLY files hold it as an int property of faces, OBJ files as
-  /// groups, NAME_NUMBER: a group line wherever the number changes. Facets keep their order, so let those of one number follow
-  /// each other: many readers make an object of each group line. Other formats leave it out.
+  /// groups, NAME_NUMBER, in the order in which the numbers come: facets follow group by group, since many readers make an
+  /// object of each group line. Other formats leave it out.
   std::vector<Index> labels;
   /// Their name: letters, digits and underscores.
   std::string label_name = "patch";

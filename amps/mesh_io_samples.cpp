@@ -200,7 +200,8 @@ SampleSet parse_csv_samples(const IoSource& source) {
 SampleSet parse_ply_samples(const IoSource& source) {
   const IoSource reading{source.data, source.name, source.run.part(0, 0.7)};
   PlyReader reader(reading);
-  const PlyContent content = reader.read(kSampleColumns);
+  MeshBuilder faces(reading);
+  const PlyContent content = reader.read(kSampleColumns, faces);
   if (std::count(content.found.begin(), content.found.begin() + kFacetColumn, false) != 0)
     source.fail("its vertices have no x, y, z and radius; it is not a file of samples");
   const ColumnsOfSet columns = columns_of_file([&](std::size_t k) { return content.found[k]; });
@@ -379,7 +380,8 @@ std::vector<double> parse_vertex_property(std::string_view data, const std::stri
   const Execution run = execution.start("reading");
   const detail::IoSource source{data, name, run};
   detail::PlyReader reader(source);
-  detail::PlyContent content = reader.read({property});
+  detail::MeshBuilder faces(source);
+  detail::PlyContent content = reader.read({property}, faces);
   if (!content.found[0]) source.fail("its vertices have no property " + property);
   for (std::size_t i = 0; i < content.at.size(); ++i) {
     if (!std::isfinite(content.values[i]))

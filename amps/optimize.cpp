@@ -72,11 +72,12 @@ constexpr int kNeighborsInPlace = 2;
 /// Samples for one refill of the diagram at most: far more than fit where a few have been taken out.
 constexpr Index kMaxRefillSamples = 64;
 
-/// Radii of samples to come beside those there are. `radius`: wanted where there is no field; 0: the least of the set.
-WantedRadii radii_of(const OptimizeOptions& options, const SampleSet& samples, double radius = 0) {
+/// Radii of samples to come beside those there are.
+WantedRadii radii_of(const OptimizeOptions& options, const SampleSet& samples) {
   const double min = min_radius(samples), max = max_radius(samples);
-  const WantedRadii wanted = options.sizing.empty() ? WantedRadii(radius > 0 ? radius : min, options.conflict_rule)
-                                                    : WantedRadii(options.sizing, options.conflict_rule);
+  const WantedRadii wanted = options.sizing.empty()
+                                 ? WantedRadii(options.radius > 0 ? options.radius : min, options.conflict_rule)
+                                 : WantedRadii(options.sizing, options.conflict_rule);
   return wanted.beside(min, max);
 }
 
@@ -103,7 +104,7 @@ struct OptimizeState {
         options(given_options),
         rating(options.angles, options.valences, min_angle, max_angle),
         reader(diagram, rating, num_fixed),
-        radii(radii_of(options, set, surface.radius).with_caps(surface.caps)),
+        radii(radii_of(options, set).with_caps(surface.caps)),
         balls(surface.disks != nullptr ? nullptr : std::make_unique<DiskSet>(balls_for(diagram.mesh(), radii))),
         samples(given, set, surface.disks != nullptr ? *surface.disks : *balls, execution.part(0, 0.3)),
         rng(options.seed) {
@@ -678,6 +679,8 @@ void require_optimize_options(const OptimizeOptions& options) {
   if (options.max_iterations < 0)
     fail("max_iterations is " + std::to_string(options.max_iterations) + "; it must be at least 0");
   require_neighborhood(options.neighborhood, options.conflict_rule);
+  if (!(options.radius >= 0 && std::isfinite(options.radius))) fail("the radius must be finite and not negative");
+  if (options.radius > 0 && !options.sizing.empty()) fail("set a radius or a sizing field, not both");
   if (options.refills < 1) fail("refills is " + std::to_string(options.refills) + "; it must be at least 1");
 }
 
@@ -719,7 +722,7 @@ OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samp
   require_optimize_options(options);
   const Execution execution = options.execution.start("improving triangles");
   // Default bounds follow what is wanted, not what curves and folds have made of it.
-  const bool uniform = surface.radius > 0 || radii_of(options, samples).uniform();
+  const bool uniform = options.radius > 0 || radii_of(options, samples).uniform();
   const auto [min_angle, max_angle] = bounds_of(options, uniform);
   Optimizer optimizer(diagram, samples, surface, options, min_angle, max_angle, execution);
   OptimizeReport report = optimizer.run();
@@ -735,7 +738,12 @@ void optimize_or_fill(const MeshView& mesh, const SampleSet& samples, OptimizeOp
                       OptimizeResult& result) {
   std::vector<Index> ids;
   require_sample_set(samples);
-  const double max_radius = radii_of(options, samples).max_of_set();
+  const double least = min_radius(samples);
+  if (options.radius > least && options.neighborhood != Neighborhood::kSurface) {
+    throw Error(ErrorCode::kInvalidArgument, "optimisation: new disks of radius " + number_text(options.radius) +
+                                                 " could cover samples; use at most the least radius, " + number_text(least));
+  }
+  const double max_radius = std::max(radii_of(options, samples).max_of_set(), options.radius);
   SetDiagram set = diagram_of(mesh, samples, options.neighborhood, max_radius, execution.part(0, 0.25));
   OptimizeSurface surface;
   surface.disks = set.disks.get();
@@ -747,6 +755,7 @@ void optimize_or_fill(const MeshView& mesh, const SampleSet& samples, OptimizeOp
   }
   SamplingOptions filling;
   filling.sizing = options.sizing;
+  filling.radius = options.radius;
   filling.conflict_rule = options.conflict_rule;
   filling.seed = options.seed;
   filling.neighborhood = options.neighborhood;

@@ -41,13 +41,16 @@ struct OptimizeOptions {
   /// Same seed, mesh, samples and options: the same result on any number of threads. (remesh() goes on with the diagram that
   /// sampling has left, in another order than a fresh one: it finds other refills than optimize() of the same samples.)
   std::uint64_t seed = 1;
-  /// Wanted radii of new samples; empty: the least radius of the set.
+  /// Wanted radii of new samples; empty: `radius`.
   SizingField sizing;
+  /// Wanted radius of new samples, absolute units, without a field; 0: the least radius of the set. Greater than that it may be
+  /// over a surface (Neighborhood::kSurface), where curves and folds have made some disks smaller.
+  double radius = 0;
   /// That of the set: new samples obey it too.
   ConflictRule conflict_rule = ConflictRule::kMax;
-  /// Threads, progress and cancelling. The result does not depend on the threads.
   /// Default: kSpace.
   Neighborhood neighborhood = Neighborhood::kDefault;
+  /// Threads, progress and cancelling. The result does not depend on the threads.
   Execution execution;
 };
 
@@ -112,7 +115,6 @@ struct OptimizeSurface {
   std::shared_ptr<const CapField> caps;  ///< bounds of wanted radii, beside curves
   Index num_fixed = 0;  ///< so many samples, the first ones, lie on curves: they stay, may have any valence, and triangles
                         ///< of three of them any angles
-  double radius = 0;    ///< wanted where there is no field; 0: the least radius of the set
   const TopologyChecker* topology =
       nullptr;              ///< edits keep the dual homeomorphic to the surface, where it is; null: any will do
   TopologySamples samples;  ///< what it asks of samples, by their ids

@@ -3,6 +3,7 @@
 
 #include "amps/file_io.h"
 #include "amps/mesh.h"
+#include "amps/polygons.h"
 
 #include <algorithm>
 #include <array>
@@ -24,20 +25,30 @@ class MeshBuilder {
   void add_vertex(const double* xyz) { add_vertex(xyz[0], xyz[1], xyz[2]); }
   std::int64_t num_vertices() const { return static_cast<std::int64_t>(coordinates_.size() / 3); }
 
-  // A polygon as a fan from its first corner.
+  // Polygons of more than three corners are cut at the end: vertices may come behind them.
   void add_polygon(const std::vector<Index>& corners) {
-    for (std::size_t k = 2; k < corners.size(); ++k) {
-      indices_.insert(indices_.end(), {corners[0], corners[k - 1], corners[k]});
+    if (corners.size() != 3) {
+      others_.push_back({num_faces_, indices_.size() / 3, corners_.size(), corners.size()});
+      corners_.insert(corners_.end(), corners.begin(), corners.end());
+    } else {
+      indices_.insert(indices_.end(), corners.begin(), corners.end());
     }
+    ++num_faces_;
   }
+
+  /// Instead of add_vertex().
+  void set_coordinates(std::vector<double> coordinates) { coordinates_ = std::move(coordinates); }
 
   /// Leaves the builder empty.
   Mesh finish() {
     constexpr std::size_t limit = static_cast<std::size_t>(std::numeric_limits<Index>::max());
-    if (coordinates_.size() / 3 > limit || indices_.size() / 3 > limit) {
+    std::size_t num_triangles = indices_.size() / 3;
+    for (const Other& other : others_) num_triangles += std::max(other.size, std::size_t{2}) - 2;
+    if (coordinates_.size() / 3 > limit || num_triangles > limit || num_faces_ > limit) {
       source_.fail("more than 2^31 - 1 vertices or facets; cut it into parts", ErrorCode::kTooLarge);
     }
     Mesh mesh;
+    if (!others_.empty()) cut_polygons(num_triangles, mesh);
     mesh.vertices = Points(std::move(coordinates_));
     mesh.triangles = Triangles(std::move(indices_));
     return mesh;
@@ -49,9 +60,44 @@ class MeshBuilder {
   }
 
  private:
+  // A face of other than three corners.
+  struct Other {
+    std::size_t face;
+    std::size_t triangles_before;  // faces of three corners
+    std::size_t first_corner, size;
+  };
+
+  void cut_polygons(std::size_t num_triangles, Mesh& mesh) {
+    std::vector<Index> all;
+    all.reserve(3 * num_triangles);
+    mesh.polygons.reserve(num_triangles);
+    PolygonCutter cutter(coordinates_.data(), source_.run);
+    std::size_t copied = 0, face = 0;  // triangles; faces
+    const auto copy_until = [&](std::size_t triangle) {
+      all.insert(all.end(), indices_.begin() + static_cast<std::ptrdiff_t>(3 * copied),
+                 indices_.begin() + static_cast<std::ptrdiff_t>(3 * triangle));
+      for (; copied < triangle; ++copied) mesh.polygons.push_back(static_cast<Index>(face++));
+    };
+    for (const Other& other : others_) {
+      source_.run.check();
+      copy_until(other.triangles_before);
+      face = other.face + 1;
+      if (other.size < 3) continue;
+      if (!cutter.cut(corners_.data() + other.first_corner, other.size, all)) {
+        mesh.crossing_polygons.push_back(static_cast<Index>(other.face));
+      }
+      mesh.polygons.resize(all.size() / 3, static_cast<Index>(other.face));
+    }
+    copy_until(indices_.size() / 3);
+    indices_ = std::move(all);
+  }
+
   const IoSource& source_;
   std::vector<double> coordinates_;
-  std::vector<Index> indices_;
+  std::vector<Index> indices_;  // of faces of three corners, until finish()
+  std::vector<Other> others_;
+  std::vector<Index> corners_;  // of the others
+  std::size_t num_faces_ = 0;
 };
 
 inline bool all_finite(const double* xyz) { return std::isfinite(xyz[0]) && std::isfinite(xyz[1]) && std::isfinite(xyz[2]); }
@@ -106,12 +152,11 @@ struct PlyHeader {
   std::vector<PlyElement> elements;
 };
 
-// What a caller gets of a PLY file: the wanted scalar properties of the vertices, and the faces as triangles.
+// What a caller gets of a PLY file: the wanted scalar properties of the vertices. Faces go to a MeshBuilder.
 struct PlyContent {
   std::vector<bool> found;      // per wanted property
   std::vector<double> values;   // vertex by vertex, wanted.size() each
   std::vector<const char*> at;  // where each vertex stands, for errors
-  Mesh faces;                   // triangles only
   std::int64_t num_vertices = 0;
 };
 
@@ -119,7 +164,7 @@ class PlyReader {
  public:
   explicit PlyReader(const IoSource& source) : source_(source), text_(source) { text_.comment = '\0'; }
 
-  PlyContent read(const std::vector<std::string>& wanted) {
+  PlyContent read(const std::vector<std::string>& wanted, MeshBuilder& builder) {
     read_header();
     PlyContent content;
     content.found.assign(wanted.size(), false);
@@ -130,12 +175,11 @@ class PlyReader {
       content.num_vertices = element.count;
     }
     if (vertex_elements != 1) source_.fail("its header does not name one element vertex; it is not a PLY file amps can read");
-    MeshBuilder builder(source_);
     for (const PlyElement& element : header_.elements) {
       require_room(element);
       if (element.name == "vertex") {
         read_vertices(element, wanted, content);
-      } else if (element.name == "face") {
+      } else if (element.name == "face" || element.name == "tristrips") {
         read_faces(element, content.num_vertices, builder);
       } else {
         for (std::int64_t i = 0; i < element.count && !element.properties.empty(); ++i) {
@@ -144,7 +188,6 @@ class PlyReader {
         }
       }
     }
-    content.faces = builder.finish();
     return content;
   }
 
@@ -194,10 +237,18 @@ class PlyReader {
     if (source_.data.empty()) source_.fail("it is empty; a PLY file starts with the word ply");
     std::vector<std::string_view> words = header_line();
     if (words.size() != 1 || words[0] != "ply") fail_header("expected ply");
-    bool has_format = false;
+    bool has_format = false, after_comment = false;
     for (;;) {
       words = header_line();
-      if (words.empty() || words[0] == "comment" || words[0] == "obj_info") continue;
+      const bool comment = !words.empty() && (words[0] == "comment" || words[0] == "obj_info");
+      if (words.empty() || comment) {
+        after_comment = comment || after_comment;
+        continue;
+      }
+      // Old exporters wrote file names with line ends in them: what follows a comment and is no word of PLY belongs to it.
+      const bool known = words[0] == "end_header" || words[0] == "format" || words[0] == "element" || words[0] == "property";
+      if (!known && after_comment) continue;
+      after_comment = false;
       if (words[0] == "end_header") break;
       if (words[0] == "format" && words.size() >= 2) {
         header_.ascii = words[1] == "ascii";
@@ -342,6 +393,7 @@ class PlyReader {
     const auto is_corners = [](const PlyProperty& p) {
       return p.is_list && (p.name == "vertex_indices" || p.name == "vertex_index");
     };
+    const bool strips = element.name == "tristrips";
     if (element.count > 0 && std::none_of(element.properties.begin(), element.properties.end(), is_corners)) {
       source_.fail("its faces have no list vertex_indices; it is not a PLY mesh");
     }
@@ -361,6 +413,11 @@ class PlyReader {
         for (std::int64_t k = 0; k < size; ++k) {
           const double value = scalar(property.type);
           const std::int64_t index = as_count(value);
+          if (strips && value == -1) {  // the end of a strip
+            add_strip(corners, builder);
+            corners.clear();
+            continue;
+          }
           if (index < 0 && value != std::floor(value)) fail(at, "a vertex index is not a whole number; correct the face");
           if (index < 0 || index >= num_vertices) {
             const std::int64_t shown = index < 0 ? static_cast<std::int64_t>(std::clamp(value, -4e9, 8e9)) : index;
@@ -368,8 +425,17 @@ class PlyReader {
           }
           corners.push_back(static_cast<Index>(index));
         }
-        builder.add_polygon(corners);
+        strips ? add_strip(corners, builder) : builder.add_polygon(corners);
       }
+    }
+  }
+
+  // Each corner makes a triangle with the two before it; every second turns the other way. Triangles of repeated corners only
+  // join parts of a strip.
+  static void add_strip(const std::vector<Index>& corners, MeshBuilder& builder) {
+    for (std::size_t k = 2; k < corners.size(); ++k) {
+      const Index a = corners[k - 2 + k % 2], b = corners[k - 1 - k % 2], c = corners[k];
+      if (a != b && b != c && c != a) builder.add_polygon({a, b, c});
     }
   }
 

@@ -88,7 +88,7 @@ void RestrictedPowerDiagram::clear() {
   first_of_site_ = first_of_facet_ = {};
   facet_error_ = reach_ = {};
   local_ = {};
-  site_grid_ = {};
+  site_tree_ = {};
   num_fragments_ = num_guards_ = 0;
   status_ = Outcome::kCancelled;
 }
@@ -129,7 +129,6 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesVi
       low = low.cwiseMin(x);
       high = high.cwiseMax(x);
       min_weight_ = std::min(min_weight_, weights[s]);
-      max_weight_ = std::max(max_weight_, weights[s]);
       positions[static_cast<std::size_t>(kSentinels + s)] = x;
       all_weights[static_cast<std::size_t>(kSentinels + s)] = weights[s];
     }

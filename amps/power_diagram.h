@@ -26,7 +26,7 @@
 #include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/reach.h"
-#include "amps/site_grid.h"
+#include "amps/site_tree.h"
 #include "amps/triangulation.h"
 
 #include <cmath>
@@ -247,14 +247,13 @@ class RestrictedPowerDiagram {
   void list_local_sites(Index facet, std::vector<Index>& sites) const;
   bool takes_part(Index s) const;
   void add_ownerless_fragment(Index facet);
-  void make_site_grid();
+  void make_site_tree();
   void compact_pools(const Execution* execution = nullptr);
 
   MeshView mesh_;
   const detail::ReachLists* reach_lists_ = nullptr;  ///< null: disks are balls
   std::vector<char> local_;                          ///< by facet; empty where disks are balls
-  detail::SiteGrid site_grid_;                       ///< of all sites that are not removed, once a facet has needed it
-  double max_weight_ = -INFINITY;
+  detail::SiteTree site_tree_;                       ///< of all sites that are not removed, once a facet has needed it
   RegularTriangulation triangulation_;
   std::vector<Fragment> fragments_;
   std::vector<Index> free_fragments_;

@@ -23,8 +23,6 @@ namespace {
 
 /// So many sites bound each other's cells in a facet without a search among them.
 constexpr Index kFewLocalSites = 48;
-/// A search this many cubes around is given up for a look at all sites of the facet.
-constexpr std::int64_t kMaxSiteRings = 8;
 /// Fragments of a loop that takes some 20 ns for each.
 constexpr std::uint64_t kLocalFragmentsPerLook = 1 << 14;
 
@@ -131,7 +129,7 @@ void RestrictedPowerDiagram::divide_locally(Index facet) {
     add_ownerless_fragment(facet);
     return;
   }
-  if (reach_lists_->num_samples(facet) > detail::kFewLocalSites && site_grid_.empty()) make_site_grid();
+  if (reach_lists_->num_samples(facet) > detail::kFewLocalSites && site_tree_.empty()) make_site_tree();
   queue.assign(1, owner_of_corner(facet, queue));
   const std::uint32_t stamp = new_stamp();
   stamp_[slot(queue.front() + kSentinels)] = stamp;
@@ -157,15 +155,10 @@ void RestrictedPowerDiagram::add_ownerless_fragment(Index facet) {
   add_fragment(facet, kNone, clipper);
 }
 
-void RestrictedPowerDiagram::make_site_grid() {
-  // Where radii are equal a cube holds about three sites of a surface. The mean: a few small ones beside curves do not count.
-  double radii = 0;
-  for (Index s = 0; s < num_sites(); ++s) radii += removed(s) ? 0 : std::sqrt(std::max(site(s).w, 0.0));
-  const double radius = radii / (num_sites() - num_removed());
-  const double side = radius > 0 ? 2 * radius : (high_ - low_).norm() / std::sqrt(static_cast<double>(num_sites()));
-  site_grid_ = detail::SiteGrid(side > 0 ? side : 1.0);
+void RestrictedPowerDiagram::make_site_tree() {
+  site_tree_ = detail::SiteTree(low_, high_);
   for (Index s = 0; s < num_sites(); ++s) {
-    if (!removed(s)) site_grid_.insert(site(s).position(), s);
+    if (!removed(s)) site_tree_.insert(site(s).position(), site(s).w, s);
   }
 }
 
@@ -184,28 +177,46 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
     });
     clip();
   };
-  if (site_grid_.empty() || reach_lists_->num_samples(facet) <= detail::kFewLocalSites) {
+  if (site_tree_.empty() || reach_lists_->num_samples(facet) <= detail::kFewLocalSites) {
     clip_by_all();
     return;
   }
-  const Vec3 x = site(owner).position();
-  for (std::int64_t before = -1, rings = 1; rings <= detail::kMaxSiteRings; before = rings, rings *= 2) {
-    site_grid_.visit_rings(x, before, rings, [&](Index s) {
-      if (s != owner && takes_part(s) && reach_lists_->reaches(s, facet)) planes.push_back(plane(owner, s));
-    });
+  // From near to far, a doubled distance at a time: which sites are looked at together depends on the distances alone.
+  const WeightedPoint& p = site(owner);
+  const Vec3 x = p.position();
+  // The plane of a site of weight w at distance d is at (d² + w_owner − w)/2d: at least so far, for all d from `least` on.
+  const auto least_offset = [&](double least, double weight) {
+    const double difference = p.w - weight;
+    if (difference > least * least) return std::sqrt(difference);
+    return least > 0 ? (least * least + difference) / (2 * least) : -INFINITY;
+  };
+  const double first = p.w > 0 ? 2 * std::sqrt(p.w) : site_tree_.radius() / 64;
+  const double farthest = (x - (low_ + high_) / 2).norm() + 2 * site_tree_.radius();
+  for (double before = -1, within = first;; before = within, within *= 2) {
+    const bool last = within >= farthest;
+    const double radius = clipper.security_radius();
+    bool more = false;
+    site_tree_.visit(
+        x,
+        [&](double least, double most, double weight) {
+          if (most <= before || least_offset(std::max(least, before), weight) * (1 - detail::kOffsetSlack) > radius)
+            return false;
+          more = more || most > within;
+          return last || least <= within;
+        },
+        [&](Index s) {
+          if (s == owner) return;
+          const double d = (site(s).position() - x).norm();
+          const bool its_turn = d > before && (last || d <= within);
+          if (its_turn && takes_part(s) && reach_lists_->reaches(s, facet)) planes.push_back(plane(owner, s));
+        });
     clip();
-    if (clipper.empty()) return;
-    // Who is farther than this has its plane at least at the offset below: it grows with the distance.
-    const double distance = static_cast<double>(rings) * site_grid_.side();
-    const double offset = (distance * distance + site(owner).w - max_weight_) / (2 * distance);
-    if (offset * (1 - detail::kOffsetSlack) > clipper.security_radius()) return;
+    if (clipper.empty() || last || !more) return;
   }
-  clip_by_all();
 }
 
 void RestrictedPowerDiagram::enter_local_facets(Index s) {
-  max_weight_ = std::max(max_weight_, site(s).w);
-  if (!site_grid_.empty()) site_grid_.insert(site(s).position(), s);
+  if (!site_tree_.empty()) site_tree_.insert(site(s).position(), site(s).w, s);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     // Its duplicate: no bisector tells the two apart.
     if (v >= kSentinels && v != s + kSentinels && !takes_part(v - kSentinels)) give_local_facets_away(v - kSentinels);
@@ -262,7 +273,7 @@ bool RestrictedPowerDiagram::enter_large_facet(Index facet, Index s, Clipper& cl
 
 void RestrictedPowerDiagram::enter_local_facet(Index facet, Index s, Clipper& clipper) {
   const bool large = reach_lists_->num_samples(facet) > detail::kFewLocalSites;
-  if (large && site_grid_.empty()) make_site_grid();
+  if (large && site_tree_.empty()) make_site_tree();
   if (large && enter_large_facet(facet, s, clipper)) return;
   clipper.set_facet(facet);
   clip_locally(facet, s, clipper);
@@ -318,7 +329,7 @@ std::vector<Index> RestrictedPowerDiagram::cut_local_fragments(Index facet, Inde
 
 /// After the removal of s, which the lists still have.
 void RestrictedPowerDiagram::leave_local_facets(Index s) {
-  if (!site_grid_.empty()) site_grid_.remove(site(s).position(), s);
+  if (!site_tree_.empty()) site_tree_.remove(site(s).position(), s);
   give_local_facets_away(s);
   localize_foreign(kNone);
 }
@@ -348,7 +359,7 @@ void RestrictedPowerDiagram::give_local_facets_away(Index s) {
 void RestrictedPowerDiagram::find_local_candidates(Index f, std::vector<Index>& candidates) const {
   const Fragment& fragment = fragments_[slot(f)];
   const Index facet = fragment.facet;
-  if (!site_grid_.empty() && reach_lists_->num_samples(facet) > detail::kFewLocalSites) {
+  if (!site_tree_.empty() && reach_lists_->num_samples(facet) > detail::kFewLocalSites) {
     // At a point of the fragment its new owner has at most the power of whoever is beyond an edge.
     const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
     const double radius = fragment.radius + largest_facet_error_;
@@ -360,15 +371,17 @@ void RestrictedPowerDiagram::find_local_candidates(Index f, std::vector<Index>& 
       const double d = (p.position() - centre).norm() + radius;
       max_power = std::min(max_power, d * d - p.w);
     }
-    const double distance = (radius + std::sqrt(std::max(0.0, max_power + max_weight_))) * (1 + detail::kOffsetSlack);
-    if (distance <= static_cast<double>(detail::kMaxSiteRings) * site_grid_.side()) {
-      candidates.clear();
-      const auto rings = static_cast<std::int64_t>(std::ceil(distance / site_grid_.side()));
-      site_grid_.visit_rings(centre, -1, rings, [&](Index s) {
-        if (takes_part(s) && reach_lists_->reaches(s, facet)) candidates.push_back(s);
-      });
-      return;
-    }
+    candidates.clear();
+    const auto reach = [&](double weight) {
+      return (radius + std::sqrt(std::max(0.0, max_power + weight))) * (1 + detail::kOffsetSlack);
+    };
+    site_tree_.visit(
+        centre, [&](double least, double, double weight) { return least <= reach(weight); },
+        [&](Index s) {
+          const bool is_near = (site(s).position() - centre).norm() <= reach(site(s).w);
+          if (is_near && takes_part(s) && reach_lists_->reaches(s, facet)) candidates.push_back(s);
+        });
+    return;
   }
   list_local_sites(facet, candidates);
 }

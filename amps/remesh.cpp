@@ -4,6 +4,7 @@
 #include "amps/curve_sampling.h"
 #include "amps/disk_set.h"
 #include "amps/dual_star.h"
+#include "amps/error_refinement.h"
 #include "amps/mesh_edges.h"
 #include "amps/power_diagram.h"
 #include "amps/topology_refinement.h"
@@ -13,6 +14,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <tuple>
@@ -213,7 +215,15 @@ void measure_beside_curves(const Mesh& mesh, const OptimizeReport& asked, const 
 void measure(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run, ConflictRule rule,
              const Execution& execution, RemeshResult& result) {
   result.report.input = surface_topology(mesh, execution.part(0, 0.05));
-  result.report.output = topology(result.mesh, execution.part(0.05, 0.3));
+  result.report.output = topology(result.mesh, execution.part(0.05, 0.25));
+  SelfIntersectionOptions crossing;
+  crossing.max_pairs = 0;
+  crossing.execution = execution.part(0.25, 0.28);
+  result.report.self_intersections = find_self_intersections(result.mesh, crossing).num_pairs;
+  if (result.report.self_intersections > 0) {
+    crossing.execution = execution.part(0.28, 0.3);
+    result.report.input_self_intersections = find_self_intersections(mesh, crossing).num_pairs;
+  }
   result.report.quality = quality(result.mesh, execution.part(0.3, 0.4));
   if (run.curves != nullptr) {
     measure_beside_curves(result.mesh, result.report.optimization, execution.part(0.4, 0.45), result.report.curves);
@@ -327,30 +337,48 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
 }
 
 /// Samples the surface. Where radii fall without end, an edge is sharp that is not a curve: candidates there become curves. In
-/// the end radii stay as they are, and the topology is another.
+/// the end radii stay as they are, and the topology is another. Cancelled, what was complete by then stays.
 SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, SamplingOptions sampling, SamplingSurface& surface) {
   constexpr int kMaxPromotions = 3;
   const Execution execution = sampling.execution;
+  const auto cancelled = [](SamplingRun& run) {
+    run.result.status = Outcome::kCancelled;
+    run.diagram.reset();
+    return std::move(run);
+  };
+  SamplingRun earlier;
+  const auto keep = [&earlier](SamplingRun& run) {
+    earlier = std::move(run);
+    earlier.diagram.reset();
+    earlier.disks.reset();
+  };
   double done = 0;
   for (int k = 0;; ++k) {
     constexpr double kShare = 0.7;
     const double next = surface.preserve ? done + kShare * (1 - done) : 1;
     sampling.execution = execution.part(done, next);
     done = next;
-    surface.may_change = k < kMaxPromotions && !surface.curves->dropped.empty();
-    SamplingRun run = sample_with_diagram(mesh, sampling, surface);
+    surface.may_change = surface.preserve && k < kMaxPromotions && !surface.curves->dropped.empty();
+    SamplingRun run;
+    if (!completes([&] { run = sample_with_diagram(mesh, sampling, surface); })) run.result.status = Outcome::kCancelled;
+    if (run.result.status == Outcome::kCancelled && earlier.result.samples.size() > 0) return cancelled(earlier);
     if (run.changed_facets.empty() || run.result.status == Outcome::kCancelled) return run;
     const std::vector<std::array<Index, 2>> sharp = dropped_edges_at(surface, run.changed_facets);
     if (sharp.empty() || !surface.may_change) {
       if (!run.gave_up && !surface.may_change) return run;
       if (run.gave_up) surface.preserve = false;
       k = kMaxPromotions;
+      keep(run);
       continue;
     }
     curves.edges.insert(curves.edges.end(), sharp.begin(), sharp.end());
-    const SamplingSurface next_surface = sampling_surface(mesh, curves, sampling, execution.part(done, done));
-    surface = next_surface;
+    std::vector<RadiusCap> limits = surface.limits;
+    if (!completes([&] { surface = sampling_surface(mesh, curves, sampling, execution.part(done, done)); })) {
+      return cancelled(run);
+    }
+    surface.limits = std::move(limits);
     surface.preserve = true;
+    keep(run);
   }
 }
 
@@ -401,15 +429,19 @@ void fit_mesh(const MeshView& mesh, const SamplingSurface& surface, const Sampli
   result.mesh.vertices = fit_vertices(mesh, result.mesh, fit, &result.report.fit);
 }
 
-/// remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
-void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, const Execution& execution,
-                       const RemeshParts& parts, RemeshResult& result) {
+/// One run of remesh(), with options for the samples to begin with and bounds of radii. `result` (in: cancelled) has
+/// what there is at any time.
+void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling,
+                       const std::vector<RadiusCap>& limits, const Execution& execution, RemeshResult& result) {
+  const RemeshParts parts(mesh, sampling, options);
+  sampling.execution = execution.part(0, parts.sampling);
   if (options.optimize) result.report.optimization.status = Outcome::kCancelled;  // until it is done
   constexpr double kSurfaceShare = 0.05;
   CurveOptions curves = options.curves;
   set_curve_radii(mesh, sampling, curves);
   SamplingSurface surface_of_input = sampling_surface(mesh, curves, sampling, sampling.execution.part(0, kSurfaceShare));
   surface_of_input.preserve = surface_of_input.topology != nullptr && options.topology == Topology::kPreserve;
+  surface_of_input.limits = limits;
   if (surface_of_input.flood != nullptr) sampling.execution = sampling.execution.part(kSurfaceShare, 1);
   if (options.optimize && sampling.target_count > 0) {
     // What optimisation will add, for each sample that it may move.
@@ -421,6 +453,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   SamplingRun run = sample_preserving(mesh, curves, sampling, surface_of_input);
   result.samples = std::move(run.result.samples);
   result.report.sampling = run.result.report;
+  result.graph = surface_of_input.curves;
   if (surface_of_input.flood != nullptr) name_places(run, result.samples);
   if (run.result.status == Outcome::kCancelled) return;
 
@@ -429,14 +462,15 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   std::vector<Index> ids;
   if (options.optimize) {
     OptimizeOptions optimization = options.optimization;
-    optimization.sizing = sampling.sizing.empty() ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
+    const bool one_radius = is_one_radius(sampling.sizing);
+    optimization.sizing = one_radius ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
+    optimization.radius = one_radius ? result.report.sampling.radius : 0;
     optimization.conflict_rule = sampling.conflict_rule;
     optimization.seed = sampling.seed;
     optimization.execution = execution.part(parts.sampling, parts.optimization, "improving triangles");
     OptimizeSurface surface;
     if (run.disks->knows_surface()) surface.disks = run.disks.get();
     surface.caps = run.caps;
-    surface.radius = result.report.sampling.radius;
     surface.num_fixed = result.report.sampling.curve_samples;
     if (surface_of_input.preserve && run.changed_facets.empty()) {
       surface.topology = surface_of_input.topology.get();
@@ -470,13 +504,118 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   result.status = status;
 }
 
+/// Bounds of radii where triangles of the result cross.
+std::vector<RadiusCap> caps_at_crossings(const RemeshResult& result, const Execution& execution) {
+  constexpr double kCrossingShare = 0.6;
+  SelfIntersectionOptions options;
+  options.execution = execution;
+  std::vector<Index> samples;
+  for (const SelfIntersection& pair : find_self_intersections(result.mesh, options).pairs) {
+    for (const Index t : {pair.a, pair.b}) {
+      for (int k = 0; k < 3; ++k) samples.push_back(result.mesh.triangles(t, k));
+    }
+  }
+  std::sort(samples.begin(), samples.end());
+  samples.erase(std::unique(samples.begin(), samples.end()), samples.end());
+  std::vector<RadiusCap> caps;
+  for (const Index s : samples) {
+    caps.push_back({result.samples.positions.row(s).transpose(), kCrossingShare * result.samples.radii[slot(s)]});
+  }
+  return caps;
+}
+
+/// Do sheets of the result cross each other, and those of the surface do not?
+bool crosses(const RemeshReport& report) { return report.self_intersections > 0 && report.input_self_intersections == 0; }
+
+/// Measures how far the result is from the surface. Returns bounds of radii where that is too far.
+std::vector<RadiusCap> look_at_error(const MeshView& mesh, double error, const Execution& execution, RemeshResult& result) {
+  RemeshReport& report = result.report;
+  report.hausdorff_bound = report.hausdorff_lower = std::numeric_limits<double>::infinity();
+  if (!(total_area(result.mesh) > 0)) return {};
+  const DistanceReport distance = measure_error(mesh, result.mesh, error, execution.part(0, 0.75, "measuring distances"));
+  report.hausdorff_bound = distance.hausdorff();
+  report.hausdorff_lower = distance.hausdorff_lower();
+  if (report.hausdorff_bound <= error) return {};
+  return error_caps(mesh, result.mesh, result.samples, error, distance, execution.part(0.75, 1));
+}
+
+/// Runs with smaller and smaller radii where sheets of the result cross each other, and where it is farther from the surface
+/// than max_error, until neither is so; the best run is kept: of the fewest crossings, then of the least distance. `result`
+/// (in: cancelled) has what there is at any time.
+void remesh_until_right(const MeshView& mesh, RemeshOptions options, SamplingOptions sampling, const Execution& execution,
+                        RemeshResult& result) {
+  constexpr int kMaxFurtherRuns = 16;
+  constexpr double kSizingShare = 0.02, kFurtherShare = 0.5;
+  const double error = options.max_error;
+  const bool bounded = error > 0;
+  // Without a bound one run is enough, mostly.
+  const double first_share = bounded ? 0.5 : 0.98, run_share = bounded ? 0.8 : 0.99;
+  double done = 0;
+  if (bounded && sampling.radius == 0 && sampling.target_count == 0 && sampling.sizing.empty()) {
+    sampling.sizing = error_sizing(mesh, error, execution.part(0, kSizingShare, "finding radii"));
+    done = kSizingShare;
+  }
+  if (bounded && options.curves.radius == 0 && options.curves.sizing.empty()) {
+    // Cutting off a crease, however short beside the radius, costs a part of its length.
+    constexpr double kCreaseSize = 4;
+    const double finest = kCreaseSize * error;
+    if (sampling.radius == 0 || finest < sampling.radius) options.curves.radius = finest;
+  }
+  const bool uncrosses = options.topology == Topology::kPreserve && sampling.neighborhood == Neighborhood::kSurface;
+  std::vector<RadiusCap> caps;
+  Index most = 0;
+  double seconds = 0;
+  for (int run = 0;; ++run) {
+    const double next = done + (run == 0 ? first_share : kFurtherShare) * (1 - done);
+    const Execution part = execution.part(done, next);
+    done = next;
+    RemeshResult further;
+    further.status = Outcome::kCancelled;
+    RemeshResult& made = run == 0 ? result : further;
+    std::vector<RadiusCap> more;
+    Outcome reached = Outcome::kCancelled;
+    const bool complete = completes([&] {
+      sample_and_remesh(mesh, options, sampling, caps, part.part(0, run_share), made);
+      reached = std::exchange(made.status, Outcome::kCancelled);  // until it is measured
+      if (reached == Outcome::kCancelled) return;
+      const Execution looking = part.part(run_share, 1);
+      if (bounded) {
+        Stopwatch watch;
+        more = look_at_error(mesh, error, looking.part(0, 0.9), made);
+        made.report.seconds_error = seconds += watch.lap();
+      }
+      if (!uncrosses || !crosses(made.report)) return;
+      const std::vector<RadiusCap> at_crossings = caps_at_crossings(made, looking.part(0.9, 1));
+      more.insert(more.end(), at_crossings.begin(), at_crossings.end());
+    });
+    if (!complete || reached == Outcome::kCancelled) {
+      result.status = Outcome::kCancelled;
+      return;
+    }
+    const bool too_far = bounded && !(made.report.hausdorff_bound <= error);
+    made.status = too_far ? std::max(reached, Outcome::kErrorMissed) : reached;
+    made.report.further_runs = run;
+    if (run == 0) most = most_refined(made.samples.size());
+    bool last = more.empty() || run == kMaxFurtherRuns || (!too_far && made.samples.size() > most);
+    if (!last) {
+      caps.insert(caps.end(), more.begin(), more.end());
+      last = expected_under(CapField(caps, kCapGradation), made.mesh, made.samples) > sampling.max_samples;
+    }
+    const auto badness = [](const RemeshReport& report) {
+      return std::make_pair(crosses(report) ? report.self_intersections : 0, report.hausdorff_bound);
+    };
+    if (run > 0 && badness(further.report) < badness(result.report)) result = std::move(further);
+    if (last) return;
+  }
+}
+
 }  // namespace
 }  // namespace detail
 
 Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution,
-                              Neighborhood neighborhood) {
+                              Neighborhood neighborhood, const CurveGraph* curves) {
   const Execution run = execution.start();
-  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9));
+  const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9), curves);
   Mesh result{samples.positions,
               detail::restricted_triangles(set.diagram, {}, run.part(0.9, 1, "listing triangles")).triangles};
   run.finish();
@@ -504,6 +643,9 @@ std::string lost_shape(const RemeshReport& report) {
     lost += (lost.empty() ? "" : ", ") + std::to_string(edges) + " of " + std::to_string(report.curves.edges) +
             " edges along curves are not in the result";
   }
+  if (knows_surface && detail::crosses(report)) {
+    lost += (lost.empty() ? "" : ", ") + std::to_string(report.self_intersections) + " pairs of triangles cross";
+  }
   return lost.empty() ? lost : "the shape has changed: " + lost + remedy;
 }
 
@@ -516,13 +658,18 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   }
   const Execution execution = sampling.execution.start();
   require_usable(mesh);
-  const detail::RemeshParts parts(mesh, sampling, options);
+  if (!(options.max_error >= 0 && std::isfinite(options.max_error))) {
+    throw Error(ErrorCode::kInvalidArgument,
+                "remesh: max_error is " + detail::number_text(options.max_error) + "; give a distance above 0, or 0 for none");
+  }
+  // Such a disk is all of its component: larger ones are no other, and radii have to fall from there.
+  const double diagonal = bounding_box(mesh).diagonal();
+  if (sampling.neighborhood == Neighborhood::kSurface && std::isfinite(sampling.radius)) {
+    sampling.radius = std::min(sampling.radius, diagonal);
+  }
   RemeshResult result;
   result.status = Outcome::kCancelled;
-  detail::completes([&] {
-    sampling.execution = execution.part(0, parts.sampling);
-    detail::sample_and_remesh(mesh, options, sampling, execution, parts, result);
-  });
+  detail::completes([&] { detail::remesh_until_right(mesh, options, sampling, execution, result); });
   if (result.mesh.vertices.empty()) result.mesh.vertices = result.samples.positions;
   if (result.status != Outcome::kCancelled) execution.finish();
   return result;

@@ -22,10 +22,13 @@
 #include "amps/optimize.h"
 #include "amps/quality.h"
 #include "amps/sampling.h"
+#include "amps/self_intersections.h"
 #include "amps/topology_certificate.h"
 
 #include <array>
+#include <cstdint>
 #include <iosfwd>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -39,15 +42,22 @@ enum class Topology {
 
 struct RemeshOptions {
   /// With optimisation a target_count is that of the result, met within about 2 %. `sampling.execution` is that of the whole.
+  /// Where disks know their surface, a radius beyond the box's diagonal counts as that: either way one disk is all of a
+  /// component.
   SamplingOptions sampling;
   /// Curves of the input that the result keeps, where disks know their surface (sampling.neighborhood, by default). The radius
   /// is that of `sampling`, unless one is given.
   CurveOptions curves;
+  /// The result is to be within this Hausdorff distance of the surface, in both directions: absolute units; 0: any. Radius,
+  /// sizing or target_count of `sampling` are then upper bounds (a target_count is met if it can be) and may be left out: radii
+  /// follow from curvature, up to a quarter of the diagonal. Where the result is farther off they fall and all is done again, a
+  /// few times. The distance is that of the final mesh, after optimisation and fit; without enough of either, kErrorMissed.
+  double max_error = 0;
   /// Means nothing where disks are balls.
   Topology topology = Topology::kPreserve;
   /// Improve angles and valences of the maximal set.
   bool optimize = true;
-  /// How. Sizing, conflict rule, seed and execution are those of `sampling`.
+  /// How. Sizing, radius, conflict rule, seed and execution are those of `sampling`.
   OptimizeOptions optimization;
   /// Vertices of the mesh leave the surface so that its triangles lie closer to it (fit.h); the samples stay, with all that is
   /// proved of them. Bounds of angles that were reached stay, and edges within what they were.
@@ -72,14 +82,23 @@ struct RemeshReport {
   SamplingReport sampling;      ///< of the set before optimisation
   OptimizeReport optimization;  ///< no iterations if there was none
   CurveReport curves;
-  TopologyReport input;         ///< topology of the input: equal positions one vertex, repeated facets one facet
-  TopologyReport output;        ///< topology of the result
+  TopologyReport input;   ///< topology of the input: equal positions one vertex, repeated facets one facet
+  TopologyReport output;  ///< topology of the result
+  /// Pairs of triangles of the result that cross, touch or overlap (self_intersections.h); and of the input, looked for only if
+  /// the result has some.
+  std::int64_t self_intersections = 0, input_self_intersections = 0;
   QualityReport quality;        ///< of the result
   FitReport fit;                ///< all 0 if there was none
   MaximalityReport maximality;  ///< certificate of the samples, from the diagram the triangles are dual to
   /// Where it holds, the result has the topology of the surface, curves included: proved, not measured. Of no cells where disks
   /// are balls. (`failures` are of sites of the diagram: of vertices, where nothing was optimised.)
   TopologyCertificate certificate;
+  /// Of surface and result: no point is farther off than this, proved by surface_distance(); and some point is as far as the
+  /// lower one. Of RemeshOptions::max_error only, else both 0.
+  double hausdorff_bound = 0;
+  double hausdorff_lower = 0;
+  int further_runs = 0;      ///< with smaller radii, where triangles crossed or the result was farther off than max_error
+  double seconds_error = 0;  ///< measuring that distance; all runs
   double seconds_optimize = 0;
   double seconds_remesh = 0;  ///< extraction and orientation of the triangles
   double seconds_report = 0;  ///< topology, quality and certificate
@@ -91,22 +110,26 @@ struct RemeshResult {
   SampleSet samples;           ///< facet and barycentric coordinates per output vertex
   std::vector<Index> facets;   ///< by triangle: a facet of the input on which its three cells meet
   std::vector<Index> patches;  ///< by triangle: that facet's patch (CurveGraph::patch_of_facet); all 0 where disks are balls
+  /// The curves that samples, patches and edges are of; null where disks are balls.
+  std::shared_ptr<const CurveGraph> graph;
   /// Pairs of vertices along the curves that were kept, #E; curve by curve.
   std::vector<std::array<Index, 2>> curve_edges;
   RemeshReport report;
-  /// The worst of those of sampling and optimisation, of kShapeChanged (lost_shape()), and of kCountMissed: another number
-  /// of samples than asked for, by more than 2 % and more than one.
+  /// The worst of those of sampling and optimisation, of kShapeChanged (lost_shape()), of kErrorMissed (hausdorff_bound is
+  /// above max_error), and of kCountMissed: another number of samples than asked for, by more than 2 % and more than one.
   Outcome status = Outcome::kDone;
 };
 
 /// What the result lacks of the shape of the surface, and what to do, in one line; empty if that is nothing: if the certificate
-/// holds, or components, Euler characteristic, boundary loops and edges of many facets are as many as before, and all edges of
-/// curves are kept. Where disks are balls, which join what is near, only an empty result counts.
+/// holds, or components, Euler characteristic, boundary loops and edges of many facets are as many as before, all edges of
+/// curves are kept, and no triangles cross where none did. Where disks are balls, which join what is near, only an empty result
+/// counts.
 std::string lost_shape(const RemeshReport& report);
 
 /// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and
-/// optimize(); cost about twice that of sample(), with the default bounds. Cancelled, it has the best samples so far, a vertex
-/// each, and triangles only if the report was all that was left to do; of a maximal set restricted_triangulation() makes them.
+/// optimize(), and kInvalidArgument unless max_error is finite and not negative; cost about twice that of sample(), with the
+/// default bounds. Cancelled, it has the best samples so far, a vertex each, and triangles only if the report was all that was
+/// left to do; of a maximal set restricted_triangulation() makes them.
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 
 /// The RRT of a given set: a triangle (i, j, k) for each triple of cells that meet an odd number of times inside facets; where
@@ -114,8 +137,8 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 /// input has evenly many facets (equal positions being one vertex, and facets that are there twice one facet), every edge of
 /// the result has evenly many triangles, for any set: the dual of a closed surface has no boundary. Oriented as the surface
 /// under it, then made consistent across manifold edges by majority per component, so inputs with flipped facets come out right
-/// wherever the output is orientable. Cancelled, it throws Error(kCancelled).
+/// wherever the output is orientable. Cancelled, it throws Error(kCancelled). `curves`: as verify_maximal().
 Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                              Neighborhood neighborhood = Neighborhood::kSpace);
+                              Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
 
 }  // namespace amps

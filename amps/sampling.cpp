@@ -29,14 +29,13 @@ constexpr double kTargetTolerance = 0.01;
 constexpr int kTargetAttempts = 100;
 constexpr int kMinTargetAttempts = 8;
 constexpr double kTargetSamples = 1e5;
-/// Refinement of the topology gives up at this many times the samples that there were, and so many more: a small part takes
-/// four and more samples where it had one.
-constexpr Index kMaxGrowth = 8;
-constexpr Index kMaxAdded = 10'000;
-/// How far radii may grow beyond the first estimate to make room for samples that curves and topology ask for; and the least
-/// power of the radius with which the number of samples has to fall (2 on a surface without either), or growing ends.
+/// Curves that need so many samples, and so many times the wanted number, are refused: thin plates, needles.
+constexpr double kCurveSamples = 1e5;
+constexpr double kCurveSamplesPerTarget = 50;
+/// How far radii may grow beyond the first estimate to make room for samples that curves and topology ask for. Growing ends
+/// before where the number of samples does not fall with the square root of the radius (its square, on a surface without
+/// either).
 constexpr double kMaxScaleBesideFixed = 3;
-constexpr double kMinPowerBesideFixed = 0.5;
 /// Offset between the seeds of those runs: 2^64 over the golden ratio.
 constexpr std::uint64_t kSeedStride = 0x9e3779b97f4a7c15u;
 
@@ -306,6 +305,41 @@ void add_up(SamplingReport& total, const SamplingReport& run) {
 
 bool has_curves(const SamplingSurface& surface) { return surface.curves != nullptr && !surface.curves->empty(); }
 
+/// Refuses radii that are lowered out of proportion: a conflict may halve them once more.
+void require_fitting_grid(const Box& box, double min, double max) {
+  if (VoxelGrid::fits(box, min / 2, max)) return;
+  throw Error(ErrorCode::kTooLarge, "sampling: the shape needs radii down to " + number_text(min) +
+                                        ", out of proportion to the mesh's diagonal " + number_text(box.diagonal()) +
+                                        "; take a larger radius, fewer curves, or parts that are nearer to each other");
+}
+
+/// Wanted radii beside samples on curves, under bounds that they and failures ask for (null: none do).
+struct BoundedRadii {
+  WantedRadii radii;
+  std::shared_ptr<const CapField> caps;
+};
+
+/// `curves`: null where there are none.
+BoundedRadii bounded_radii(const WantedRadii& radii, const std::vector<RadiusCap>& limits, const CurveSamples* curves,
+                           const Box& box) {
+  std::vector<RadiusCap> caps = limits;
+  double min = radii.min(), max = radii.max();
+  for (const RadiusCap& cap : caps) min = std::min(min, cap.radius);
+  if (curves != nullptr) {
+    for (const CurveSample& on_curve : curves->samples) {
+      min = std::min(min, on_curve.sample.radius);
+      max = std::max(max, on_curve.sample.radius);
+    }
+    caps.insert(caps.end(), curves->caps.caps().begin(), curves->caps.caps().end());
+  }
+  std::shared_ptr<const CapField> field;
+  if (!caps.empty()) {
+    require_fitting_grid(box, min, max);
+    field = std::make_shared<const CapField>(std::move(caps), kCapGradation);
+  }
+  return {radii.beside(min, max).with_caps(field), field};
+}
+
 /// What one round of a run is made from.
 struct SamplingRound {
   const WantedRadii& radii;
@@ -322,16 +356,17 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
   const SamplingSurface& surface = round.surface;
   const double density = round.radii.density_integral(total_area(mesh));
   std::shared_ptr<CurveSamples> curves;
-  WantedRadii bounded = round.radii;
-  std::vector<RadiusCap> caps = round.limits;
-  double min = round.radii.min(), max = round.radii.max();
-  for (const RadiusCap& cap : caps) min = std::min(min, cap.radius);
   const double curves_end = has_curves(surface) ? 0.05 : 0;
   if (curves_end > 0) {
     const CapField limits(round.limits, kCapGradation);
     CurveSamplingOptions along;
     along.seed = round.seed;
     if (!limits.empty()) along.limits = &limits;
+    // What refinement asks for counts in the set as a whole.
+    along.max_samples = options.max_samples;
+    if (options.target_count > 0 && limits.empty()) {
+      along.max_samples = std::min(along.max_samples, std::max(kCurveSamples, kCurveSamplesPerTarget * options.target_count));
+    }
     along.execution = execution.part(0, curves_end, "sampling curves");
     const bool complete = completes([&] {
       curves = std::make_shared<CurveSamples>(sample_curves(mesh, *surface.curves, *surface.flood, round.radii, along));
@@ -342,17 +377,9 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
       run.result.report.seed = round.seed;
       return run;
     }
-    for (const CurveSample& on_curve : curves->samples) {
-      min = std::min(min, on_curve.sample.radius);
-      max = std::max(max, on_curve.sample.radius);
-    }
-    caps.insert(caps.end(), curves->caps.caps().begin(), curves->caps.caps().end());
   }
-  bounded = bounded.beside(min, max);
-  std::shared_ptr<const CapField> cap_field;
-  if (!caps.empty()) cap_field = std::make_shared<const CapField>(std::move(caps), kCapGradation);
-  bounded = bounded.with_caps(cap_field);
-  SamplingTask task(mesh, options, bounded, round.box, surface.flood, round.seed);
+  BoundedRadii bounded = bounded_radii(round.radii, round.limits, curves.get(), round.box);
+  SamplingTask task(mesh, options, bounded.radii, round.box, surface.flood, round.seed);
   if (curves != nullptr) {
     for (const CurveSample& on_curve : curves->samples) {
       if (round.kept != nullptr) {
@@ -380,7 +407,7 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
   if (task.status == Outcome::kCancelled) diagram.reset();
   SamplingRun run = finish_run(task, std::move(diagram));
   run.curves = std::move(curves);
-  run.caps = std::move(cap_field);
+  run.caps = std::move(bounded.caps);
   return run;
 }
 
@@ -390,40 +417,58 @@ class TopologyRefiner {
  public:
   /// `run`: that of `first`.
   TopologyRefiner(const MeshView& mesh, const SamplingOptions& options, const SamplingRound& first, SamplingRun& run)
-      : mesh_(mesh), options_(options), first_(first), run_(run), rng_(first.seed + kSeedStride) {
+      : mesh_(mesh), options_(options), first_(first), run_(run), caps_(first.limits), rng_(first.seed + kSeedStride) {
     take_run();
   }
 
   void refine(const Execution& execution) {
-    double done = 0;
-    const Index most = kMaxGrowth * run_.diagram->num_sites() + kMaxAdded;
-    TopologyCertificate certificate = check_all(execution.part(0, 0.1));
-    while (caps_.lower(certificate, *run_.disks, run_.curves.get(), first_.radii)) {
-      const double next = (1 + done) / 2;
-      const Execution part = execution.part(done, next);
-      done = next;
-      const CapField bounds(caps_.last(), kCapGradation);
-      if (touches_curves(bounds, run_.curves.get())) {
-        start_anew(part.part(0, 0.9));
-        certificate = check_all(part.part(0.9, 1));
-      } else {
-        edit(bounds, part);
-        certificate = check_changed(certificate);
+    double done = 0.1;
+    const auto next_part = [&done, &execution] {
+      const double from = done;
+      done = (1 + done) / 2;
+      return execution.part(from, done);
+    };
+    const Index before = run_.diagram->num_sites();
+    const Index most = std::max(before, std::min(most_refined(before), options_.max_samples));
+    TopologyCertificate certificate = check_all(execution.part(0, done));
+    for (;;) {
+      while (!run_.gave_up && caps_.lower(certificate, *run_.disks, run_.curves.get(), first_.radii)) {
+        lower(certificate, next_part());
+        if (!certificate.holds() && run_.diagram->num_sites() > most) run_.gave_up = true;
       }
-      ++run_.result.report.refinements;
-      if (run_.diagram->num_sites() > most) {
-        run_.gave_up = true;
-        break;
-      }
+      if (run_.gave_up || !edited_ || set_->compact()) break;
+      // Fewer samples than ids. Curves are sampled under bounds that are new to them, so that all has to be looked at again.
+      const Execution part = next_part();
+      start_anew(part.part(0, 0.9));
+      certificate = check_all(part.part(0.9, 1));
     }
     for (const TopologyFailure& failure : certificate.failures) list_facets(failure);
     std::vector<Index>& facets = run_.changed_facets;
     std::sort(facets.begin(), facets.end());
     facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-    finish(execution.part(done, 1));
+    if (edited_ && set_->compact()) finish();
   }
 
  private:
+  /// Samples again under the bounds of the last time, and looks at what has changed. Where smaller radii would be out of
+  /// proportion, or samples on curves too many, all stays as it is.
+  void lower(TopologyCertificate& certificate, const Execution& execution) {
+    const CapField bounds(caps_.last(), kCapGradation);
+    try {
+      if (touches_curves(bounds, run_.curves.get())) {
+        start_anew(execution.part(0, 0.9));
+        certificate = check_all(execution.part(0.9, 1));
+      } else {
+        edit(bounds, execution);
+        certificate = check_changed(certificate);
+      }
+      ++run_.result.report.refinements;
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kTooLarge) throw;
+      run_.gave_up = true;
+    }
+  }
+
   void take_run() {
     const SamplingReport& report = run_.result.report;
     set_.emplace(*run_.diagram, *run_.disks, report.curve_samples, report.dart_samples);
@@ -464,32 +509,20 @@ class TopologyRefiner {
     add_up(next.result.report, before);
     next.result.report.darts = before.darts;
     next.result.report.refinements = before.refinements;
-    const bool complete = next.result.status == Outcome::kDone;
+    // What was complete stays.
+    if (next.result.status != Outcome::kDone) throw Error(ErrorCode::kCancelled, "sampling: cancelled");
     run_ = std::move(next);
-    if (!complete) throw Error(ErrorCode::kCancelled, "sampling: cancelled");
     take_run();
   }
 
   void edit(const CapField& bounds, const Execution& execution) {
-    std::vector<RadiusCap> caps = caps_.caps();
-    double min = first_.radii.min(), max = first_.radii.max();
-    for (const RadiusCap& cap : caps) min = std::min(min, cap.radius);
-    if (run_.curves != nullptr) {
-      const std::vector<RadiusCap>& of_curves = run_.curves->caps.caps();
-      caps.insert(caps.end(), of_curves.begin(), of_curves.end());
-      for (const CurveSample& on_curve : run_.curves->samples) {
-        min = std::min(min, on_curve.sample.radius);
-        max = std::max(max, on_curve.sample.radius);
-      }
-    }
-    run_.caps = std::make_shared<const CapField>(std::move(caps), kCapGradation);
-    set_->lower(bounds, first_.radii.beside(min, max).with_caps(run_.caps), rng_, execution);
+    BoundedRadii bounded = bounded_radii(first_.radii, caps_.caps(), run_.curves.get(), first_.box);
+    run_.caps = std::move(bounded.caps);
+    set_->lower(bounds, bounded.radii, rng_, execution);
     edited_ = true;
   }
 
-  void finish(const Execution& execution) {
-    if (!edited_) return;
-    if (!set_->compact()) return start_anew(execution);
+  void finish() {
     SamplingReport& report = run_.result.report;
     report.dart_samples = set_->num_darts();
     report.gap_samples = set_->num_gap_samples();
@@ -517,9 +550,12 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   require_feasible_radii(radii.min(), radii.max(), radii.density_integral(total_area(mesh)), box, options);
   constexpr double kRefinementShare = 0.1;
   const double refining = surface.preserve ? 1 - kRefinementShare : 1;
-  const std::vector<RadiusCap> no_limits;
-  const SamplingRound round{radii, surface, box, seed, no_limits, nullptr};
-  SamplingRun run = run_round(mesh, options, round, execution.part(0, refining));
+  const SamplingRound round{radii, surface, box, seed, surface.limits, nullptr};
+  SamplingRun run;
+  run.result.report.seed = seed;
+  if (!completes([&] { run = run_round(mesh, options, round, execution.part(0, refining)); })) {
+    run.result.status = Outcome::kCancelled;
+  }
   if (!surface.preserve || run.result.status != Outcome::kDone) return run;
   Stopwatch watch;
   const bool complete = completes(
@@ -605,8 +641,9 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     }
     const double count = run.result.samples.size();
     if (attempt == 1) first_count = count;
-    const double power = scale > first_scale ? std::log(first_count / count) / std::log(scale / first_scale) : 2;
-    helps = count <= target * (1 + kTargetTolerance) || power > kMinPowerBesideFixed;
+    // Without logarithms, whose last bits differ from one platform to another.
+    const double fall = first_count / count;
+    helps = count <= target * (1 + kTargetTolerance) || scale <= first_scale || fall * fall > scale / first_scale;
     model->learn(run.result.samples.size());
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;
@@ -676,7 +713,8 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
   if (options.radius != 0 || !options.sizing.empty()) detail::require_one_sizing(mesh, options);
   const double smallest = detail::min_radius(existing);
   const double radius = options.radius == 0 ? smallest : options.radius;
-  if (radius > smallest) {
+  // Over a surface new disks are lowered where they would cover a sample.
+  if (radius > smallest && options.neighborhood != Neighborhood::kSurface) {
     throw Error(ErrorCode::kInvalidArgument, "sampling: new disks of radius " + detail::number_text(radius) +
                                                  " could cover existing samples; use at most the smallest existing radius, " +
                                                  detail::number_text(smallest));

@@ -10,6 +10,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/cap_field.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -19,6 +20,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 namespace amps {
 
@@ -90,8 +92,8 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
 /// The second stage alone, for a set made elsewhere: adds samples where the surface is uncovered until nothing is. Existing
 /// samples stay first, unchanged and in order; those that are closer than they should be stay so. The radius of new samples is
 /// the option's (0: the smallest in `existing`) and must not exceed the smallest in `existing`, so that no new disk covers an
-/// old sample; or that of `sizing`, less where it would cover a sample. Samples of `existing` without facet and barycentrics
-/// get facet kNone and zeros in the result. Errors as sample() and verify_maximal().
+/// old sample; or, over a surface and with `sizing`, what is wanted, less where it would cover a sample. Samples of `existing`
+/// without facet and barycentrics get facet kNone and zeros in the result. Errors as sample() and verify_maximal().
 SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options);
 
 namespace detail {
@@ -101,7 +103,6 @@ double expected_samples(const MeshView& mesh, const SamplingOptions& options);
 /// Microseconds that sample() takes for so many samples, roughly, on `workers` threads.
 double sampling_cost(double samples, double facets, unsigned workers);
 
-class CapField;
 class DiskSet;
 class SurfaceFlood;
 class TopologyChecker;
@@ -112,6 +113,7 @@ struct SamplingSurface {
   std::shared_ptr<const SurfaceFlood> flood;        ///< cut at the curves; null: balls
   std::shared_ptr<const CurveGraph> curves;         ///< null: disks are balls
   std::shared_ptr<const TopologyChecker> topology;  ///< null: nobody asks
+  std::vector<RadiusCap> limits;                    ///< bounds of radii to begin with, for other reasons
   bool preserve = false;                            ///< radii fall where the dual has not the topology of the surface
   bool may_change = false;  ///< where that does not help, there will be other curves: the number of samples does not matter yet
 };
@@ -125,7 +127,8 @@ struct SamplingRun {
   /// Facets where the dual has not the topology of the surface, and so many samples more would not help; ascending. Empty if
   /// nobody asked.
   std::vector<Index> changed_facets;
-  bool gave_up = false;  ///< radii fell no further, since samples became too many
+  /// Radii fell no further, since samples became too many or disks too small: the diagram need not be that of `result`.
+  bool gave_up = false;
   std::unique_ptr<RestrictedPowerDiagram> diagram;
 };
 SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options, const SamplingSurface& surface = {});

@@ -67,12 +67,21 @@ bool RefinementCaps::lower(const TopologyCertificate& certificate, const DiskSet
         // Whose chord bulges so far that the sample owns a part of the curve.
         if (curves != nullptr) {
           const Sample& owner = disks.sample(failure.sample);
-          for (std::size_t s = 0; s < curves->samples.size(); ++s) {
-            const Sample& near = curves->samples[s].sample;
-            const double reach = owner.radius + near.radius;
-            if (curves->samples[s].corner == kNone && curves->samples[s].curve != failure.other) continue;
-            if ((near.position() - owner.position()).squaredNorm() < reach * reach) add(static_cast<Index>(s), kCurveShare);
-          }
+          const auto add_near = [&](std::size_t first, std::size_t end) {
+            for (std::size_t s = first; s < end; ++s) {
+              const Sample& near = curves->samples[s].sample;
+              const double reach = owner.radius + near.radius;
+              if ((near.position() - owner.position()).squaredNorm() < reach * reach) add(static_cast<Index>(s), kCurveShare);
+            }
+          };
+          const auto place = [&](auto is_before) {
+            const auto found = std::partition_point(curves->samples.begin(), curves->samples.end(), is_before);
+            return static_cast<std::size_t>(found - curves->samples.begin());
+          };
+          // Corners come first, then curve by curve.
+          add_near(0, place([](const CurveSample& s) { return s.corner != kNone; }));
+          add_near(place([&](const CurveSample& s) { return s.corner != kNone || s.curve < failure.other; }),
+                   place([&](const CurveSample& s) { return s.corner != kNone || s.curve <= failure.other; }));
         }
         break;
       default:
@@ -176,6 +185,7 @@ std::vector<FaceSample> RefinedSet::on_faces() const {
     const bool of_darts = origin_[s] == Origin::kDart;
     if (of_darts || origin_[s] == Origin::kGap) result.push_back({disks_.sample(static_cast<Index>(s)), of_darts});
   }
+  std::stable_partition(result.begin(), result.end(), [](const FaceSample& sample) { return sample.of_darts; });
   return result;
 }
 

@@ -14,9 +14,18 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <utility>
 #include <vector>
 
 namespace amps::detail {
+
+/// Refinement gives up beyond so many samples: at eight times those that there were, and ten thousand more. A small part takes
+/// four and more samples where it had one.
+inline Index most_refined(Index before) {
+  constexpr Index kGrowth = 8, kAdded = 10'000;
+  return before > (std::numeric_limits<Index>::max() - kAdded) / kGrowth ? before : kGrowth * before + kAdded;
+}
 
 /// What the certificate asks about samples, of which the first ones are those of `curves` (null: there are none). All must
 /// outlive the result.
@@ -28,6 +37,9 @@ std::vector<Index> samples_of(const TopologyFailure& failure);
 /// Bounds of radii around what has failed so far. A value.
 class RefinementCaps {
  public:
+  /// `caps`: bounds that there are already.
+  explicit RefinementCaps(std::vector<RadiusCap> caps = {}) : caps_(std::move(caps)), num_before_(caps_.size()) {}
+
   /// Lowers radii where the certificate fails. False if it does not, or if all samples at failures have come down to the floor:
   /// a thousandth of the wanted radius.
   bool lower(const TopologyCertificate& certificate, const DiskSet& disks, const CurveSamples* curves,
@@ -66,7 +78,7 @@ class RefinedSet {
   bool compact() const { return free_.empty(); }
   /// All samples, by id; requires compact().
   GrowingSet samples() const;
-  /// Those not on curves, by id.
+  /// Those not on curves: of darts, by id, then the others.
   std::vector<FaceSample> on_faces() const;
   /// How many are left of those of darts; how many gap filling has added in all; gaps that were too small for a double.
   Index num_darts() const { return num_darts_; }

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <iostream>
 
 // A flange with a boss and a bore: squares and circles of points, each joined to the next, the last to the first.
@@ -38,19 +37,14 @@ int main(int argc, char** argv) try {
             << ", elsewhere " << curves.away.min_angle << " to " << curves.away.max_angle << "\ntriangles of the faces:";
 
   // The faces are the patches between curves. In the solver's file each is a group, and the curves are lines.
-  std::ofstream out(argc > 1 ? argv[1] : "");  // without a name nothing is written
-  out.precision(17);
-  for (std::ptrdiff_t v = 0; v < result.mesh.vertices.rows(); ++v) out << "v " << result.mesh.vertices.row(v) << "\n";
-  for (amps::Index face = 0; face < std::max(curves.patches, 1); ++face) {
-    out << "g face_" << face << "\n";
-    for (std::size_t t = 0; t < result.patches.size(); ++t) {
-      const auto row = result.mesh.triangles.row(static_cast<std::ptrdiff_t>(t));
-      if (result.patches[t] == face) out << "f " << row[0] + 1 << " " << row[1] + 1 << " " << row[2] + 1 << "\n";
-    }
+  amps::MeshWriteOptions writing;
+  writing.labels = result.patches;
+  writing.label_name = "face";
+  writing.edges = result.curve_edges;
+  if (argc > 1) amps::write_mesh(argv[1], result.mesh, writing);
+  for (amps::Index face = 0; face < curves.patches; ++face) {
     std::cout << " " << std::count(result.patches.begin(), result.patches.end(), face);
   }
-  out << "g curves\n";
-  for (const auto& edge : result.curve_edges) out << "l " << edge[0] + 1 << " " << edge[1] + 1 << "\n";
   const std::string lost = amps::lost_shape(result.report);
   std::cout << "\n" << (lost.empty() ? "nothing of the shape is lost" : lost) << "\n";
   return lost.empty() && (argc > 2 || result.status == amps::Outcome::kDone) ? 0 : 1;

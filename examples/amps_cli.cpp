@@ -25,7 +25,6 @@
 #include <exception>
 #include <limits>
 #include <new>
-#include <numeric>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -66,6 +65,7 @@ int run_sample(const Arguments& arguments) {
   amps::SamplingOptions options = sampling_options(arguments, amps::Neighborhood::kSpace);
   require_sample_output(arguments, arguments.operand(1));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  require_distinct(arguments, arguments.operand(1), {"--json"});
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.execution.threads);
@@ -141,22 +141,12 @@ int complain(std::string message, int code = kExitTrouble) {
   return code;
 }
 
-/// Writes the result with its curves as lines and its patches as labels: triangles patch by patch, since readers of OBJ files
-/// make an object of each group they meet.
+/// Writes the result; with its curves, if it has any, as lines and its patches as labels.
 void write_result(const std::string& path, const amps::RemeshResult& result, const amps::Execution& execution) {
   amps::MeshWriteOptions writing;
   writing.edges = result.curve_edges;
-  if (writing.edges.empty()) return amps::write_mesh(path, result.mesh, writing, execution);
-  std::vector<std::size_t> order(result.patches.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return result.patches[a] < result.patches[b]; });
-  amps::Triangles triangles(static_cast<std::ptrdiff_t>(order.size()));
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    triangles.row(static_cast<std::ptrdiff_t>(i)) = result.mesh.triangles.row(static_cast<std::ptrdiff_t>(order[i]));
-    writing.labels.push_back(result.patches[order[i]]);
-  }
-  amps::write_mesh(path, {result.mesh.vertices, triangles}, writing, execution);
+  if (!writing.edges.empty()) writing.labels = result.patches;
+  amps::write_mesh(path, result.mesh, writing, execution);
 }
 
 amps::Fit fit_of(const Arguments& arguments) {
@@ -168,7 +158,7 @@ amps::Fit fit_of(const Arguments& arguments) {
 }
 
 int run_remesh(const Arguments& arguments) {
-  const SizingRequest sizing = sizing_request(arguments);
+  const SizingRequest sizing = sizing_request(arguments, true);
   amps::RemeshOptions options;
   options.sampling = sampling_options(arguments, amps::Neighborhood::kSurface);
   options.curves = curve_options(arguments);
@@ -178,6 +168,7 @@ int run_remesh(const Arguments& arguments) {
   require_mesh_output(arguments, arguments.operand(1));
   if (arguments.has("--samples")) require_sample_output(arguments, arguments.text("--samples"));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  require_distinct(arguments, arguments.operand(1), {"--samples", "--convergence", "--json"});
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.sampling.execution.threads);
@@ -186,6 +177,7 @@ int run_remesh(const Arguments& arguments) {
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" ? kMarked : kSized;
   options.sampling.sizing = make_sizing(sizing, mesh, watch.part(kMarked, sized));
+  options.max_error = error_of(sizing, mesh);
   const double seconds_sizing = total.seconds() - seconds_read;
   options.sampling.execution = watch.part(sized, kWorked);
   const Stopwatch work;
@@ -230,8 +222,10 @@ int run_remesh(const Arguments& arguments) {
   add_sampling(json, report.sampling);
   add_optimization(json, report.optimization);
   add_fit(json, options.fit, report.fit);
+  add_error(json, options.max_error, report);
   add_quality(json, report.quality, radius);
   add_maximality(json, report.maximality);
+  add_crossings(json, report);
   add_curves(json, report.curves);
   add_certificate(json, report.certificate);
   add_topology(json, "input", report.input);
@@ -241,21 +235,32 @@ int run_remesh(const Arguments& arguments) {
 
   const Table table(arguments.quiet());
   table.row("", "input", "output");
-  table.row("vertices", number(report.input.vertices), std::to_string(result.mesh.vertices.rows()));
+  const amps::Index asked = options.sampling.target_count;
+  std::string vertices = std::to_string(result.mesh.vertices.rows());
+  if (asked > 0) vertices += " of " + number(asked) + " asked for";
+  table.row("vertices", number(report.input.vertices), vertices);
   table.row("triangles", number(report.input.facets), number(report.output.facets));
   print_topology(table, report.input, report.output);
   print_certificate(table, report.certificate);
   print_curves(table, report.curves);
+  print_crossings(table, report);
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
   print_radii(table, result.samples);
   print_optimization(table, options.optimization, report.optimization);
   print_fit(table, options.fit, report.fit);
+  print_error(table, options.max_error, report);
   print_quality(table, report.quality, radius);
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
   print_seconds(table, seconds);
   const std::string lost = amps::lost_shape(report);
-  return lost.empty() ? kExitDone : complain(lost, kExitShape);
+  if (!lost.empty()) return complain(lost, kExitShape);
+  if (options.max_error > 0 && !(report.hausdorff_bound <= options.max_error)) {
+    return complain(format("the result is up to %.6g from the input, %.6g was asked for; take a larger --error",
+                           report.hausdorff_bound, options.max_error),
+                    kExitShape);
+  }
+  return kExitDone;
 }
 
 int run_curves(const Arguments& arguments) {
@@ -292,12 +297,15 @@ int run_curves(const Arguments& arguments) {
 }
 
 int run_gaps(const Arguments& arguments) {
-  const amps::Neighborhood neighborhood = neighborhood_of(arguments, amps::Neighborhood::kSpace);
+  neighborhood_of(arguments, amps::Neighborhood::kSpace);  // refuses other names, before the work
   if (arguments.operands() > 2) require_mesh_output(arguments, arguments.operand(2));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
   Watch watch(arguments.quiet(), threads_of(arguments));
   const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.05));
   const amps::SampleSet samples = amps::read_samples(arguments.operand(1), watch.part(0.05, 0.1));
+  // Sets that say what of the surface their samples are on are those of remesh.
+  const amps::Neighborhood neighborhood =
+      neighborhood_of(arguments, samples.dimensions.empty() ? amps::Neighborhood::kSpace : amps::Neighborhood::kSurface);
   const amps::MaximalityReport report =
       amps::verify_maximal(mesh, samples, watch.part(0.1, 0.5), amps::ConflictRule::kMax, neighborhood);
   const double area = amps::total_area(mesh, watch.part(0.5, 0.51));
@@ -368,7 +376,8 @@ int run_info(const Arguments& arguments) {
       .add("zero_area_facets", report.zero_area_facets)
       .add("repeated_facets", report.repeated_facets)
       .add("duplicate_vertices", report.duplicate_vertices)
-      .add("isolated_vertices", report.isolated_vertices);
+      .add("isolated_vertices", report.isolated_vertices)
+      .add("crossing_polygons", static_cast<amps::Index>(mesh.crossing_polygons.size()));
   add_topology(json, "topology", shape);
   if (report.usable()) {
     json.add("self_intersections", static_cast<std::uint64_t>(intersections.num_pairs)).open("curves");
@@ -400,6 +409,7 @@ int run_info(const Arguments& arguments) {
   trouble("inconsistent edges", shape.inconsistent_edges);
   trouble("duplicate vertices", report.duplicate_vertices);
   trouble("isolated vertices", report.isolated_vertices);
+  trouble("crossing polygons", static_cast<amps::Index>(mesh.crossing_polygons.size()));
   trouble("zero-area triangles", report.zero_area_facets);
   trouble("repeated triangles", report.repeated_facets);
   trouble("repeated indices", report.repeated_index_facets);
@@ -554,13 +564,14 @@ const std::vector<Command>& commands() {
        "files\n"
        "hold patches as a property of faces. The FILE of --keep is IN itself, or has vertices at the positions of those of "
        "IN.\n"
-       "Exit code 4: OUT is written, but has another topology than IN, lacks edges of curves, or has no triangle.",
+       "Exit code 4: OUT is written, but has another topology than IN, lacks edges of curves, is farther from IN\n"
+       "than --error allows, or has no triangle.",
        {kRadius,
         {"--vertices", "N", "number of vertices wanted instead, met within 2 %"},
         kSizing,
         kRmin,
         kRmax,
-        kError,
+        {"--error", "E", "the result is at most E from the input, proved: in the units of the mesh, or 1% of its diagonal"},
         kGradation,
         kFeatures,
         kBorders,
@@ -595,8 +606,12 @@ const std::vector<Command>& commands() {
        "IN SAMPLES [OUT]",
        "is a set of disks on a mesh maximal?",
        "SAMPLES is a sample set (.xyzr .ply .csv), made by amps or by anything else. If parts of the mesh IN are in no disk,\n"
-       "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not.",
-       {kInSpace, kThreads, kJson},
+       "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not. Disks of sets that say what of the "
+       "surface\n"
+       "their samples are on, as those of remesh (.ply .csv), know the surface, others are balls.",
+       {{"--neighborhood", "KIND", "space or surface, instead: disks are balls, or sheets do not see each other's disks"},
+        kThreads,
+        kJson},
        run_gaps},
       {"spectrum",
        "IN SAMPLES...",
@@ -658,7 +673,8 @@ void print_help() {
   }
   std::printf("\n'amps COMMAND --help' tells the options of a command, 'amps --version' the version.\n");
   std::printf(
-      "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape, 130 interrupted.\n");
+      "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape or missed --error, 130 "
+      "interrupted.\n");
 }
 
 void print_help(const Command& command) {

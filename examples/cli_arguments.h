@@ -73,12 +73,33 @@ class Arguments {
     return value;
   }
 
+  /// A number above 0, or one with % after it: 1%. 0 where it is not given.
+  double positive_or_percent(const std::string& name, bool& percent) const {
+    percent = false;
+    if (!has(name)) return 0;
+    std::string word = text(name);
+    percent = !word.empty() && word.back() == '%';
+    if (percent) word.pop_back();
+    const double value = real(name, word);
+    if (!(value > 0)) throw refused(name, "a number above 0, or so many percent (1%)");
+    return value;
+  }
+
   std::uint64_t whole(const std::string& name, std::uint64_t missing, std::uint64_t low, std::uint64_t high) const {
     if (!has(name)) return missing;
     const std::string word = text(name);
     std::uint64_t value = 0;
     bool fits = !word.empty();
-    for (const char c : word) {
+    const std::size_t exponent = word.find_first_of("eE");
+    std::string digits = word.substr(0, exponent);
+    if (exponent != std::string::npos) {  // 1e3
+      const std::string power = word.substr(exponent + 1);
+      const bool good =
+          !digits.empty() && !power.empty() && power.size() <= 2 && power.find_first_not_of("0123456789") == std::string::npos;
+      if (!good) throw refused(name, "a whole number");
+      digits.append(static_cast<std::size_t>(std::stoi(power)), '0');
+    }
+    for (const char c : digits) {
       if (c < '0' || c > '9') throw refused(name, "a whole number");
       const auto digit = static_cast<std::uint64_t>(c - '0');
       fits = fits && value <= (UINT64_MAX - digit) / 10;
@@ -95,8 +116,8 @@ class Arguments {
   }
 
  private:
-  double real(const std::string& name) const {
-    const std::string word = text(name);
+  double real(const std::string& name) const { return real(name, text(name)); }
+  double real(const std::string& name, const std::string& word) const {
     char* end = nullptr;
     const double value = std::strtod(word.c_str(), &end);
     if (word.empty() || *end != '\0' || !std::isfinite(value)) throw refused(name, "a number");

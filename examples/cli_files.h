@@ -10,6 +10,7 @@
 #include <fstream>
 #include <string>
 #include <system_error>
+#include <vector>
 
 namespace fs = std::filesystem;
 
@@ -22,6 +23,20 @@ inline void require_writable(const Arguments& arguments, const fs::path& path) {
   if (!fs::is_directory(directory, ignored)) {
     throw arguments.error("cannot write " + path.string() + ": there is no directory " + directory.string() +
                           ", make it first");
+  }
+}
+
+/// Of the output file and what options name beside it, no two are the same file: the later one would take the place of the
+/// other.
+inline void require_distinct(const Arguments& arguments, const fs::path& out, const std::vector<const char*>& options) {
+  std::vector<fs::path> paths{fs::weakly_canonical(fs::absolute(out))};
+  for (const char* option : options) {
+    if (!arguments.has(option)) continue;
+    paths.push_back(fs::weakly_canonical(fs::absolute(arguments.text(option))));
+    if (std::find(paths.begin(), paths.end() - 1, paths.back()) != paths.end() - 1) {
+      throw arguments.error(std::string(option) + " names " + arguments.text(option) +
+                            ", which is written already; name another file");
+    }
   }
 }
 

@@ -142,6 +142,17 @@ inline void add_certificate(Json& json, const amps::TopologyCertificate& certifi
   json.close();
 }
 
+/// Of the input they are known only if the result has some.
+inline void print_crossings(const Table& table, const amps::RemeshReport& report) {
+  const auto pairs = [](std::int64_t n) { return n == 0 ? std::string("none") : std::to_string(n) + " pairs"; };
+  const bool known = report.self_intersections > 0;
+  table.row("self-intersections", known ? pairs(report.input_self_intersections) : "", pairs(report.self_intersections));
+}
+
+inline void add_crossings(Json& json, const amps::RemeshReport& report) {
+  json.add("self_intersections", static_cast<std::uint64_t>(report.self_intersections));
+}
+
 inline void print_maximality(const Table& table, const amps::MaximalityReport& report) {
   table.row("worst coverage", format("%.9f r   (maximal: at most 1)", report.worst_coverage));
   if (std::isfinite(report.worst_separation)) {
@@ -229,6 +240,23 @@ inline void add_fit(Json& json, amps::Fit fit, const amps::FitReport& report) {
       .add("moved", report.moved)
       .add("held_back", report.held_back)
       .add("rounds", report.rounds)
+      .close();
+}
+
+/// `asked`: what the distance was to be at most; 0: nothing.
+inline void print_error(const Table& table, double asked, const amps::RemeshReport& report) {
+  if (asked > 0) table.row("distance, proved", format("%.6g", asked) + " asked", format("%.6g", report.hausdorff_bound));
+}
+
+inline void add_error(Json& json, double asked, const amps::RemeshReport& report) {
+  if (!(asked > 0)) return;
+  json.open("error")
+      .add("asked", asked)
+      .add("holds", report.hausdorff_bound <= asked)
+      .add("hausdorff", report.hausdorff_bound)
+      .add("hausdorff_lower", report.hausdorff_lower)
+      .add("rounds", report.further_runs)
+      .add("seconds", report.seconds_error)
       .close();
 }
 

@@ -20,7 +20,9 @@ inline unsigned threads_of(const Arguments& arguments) {
 /// What --sizing and its companions ask for, before there is a mesh.
 struct SizingRequest {
   std::string kind;  ///< uniform, lfs, curvature, or a file
-  double least = 0, greatest = 0, error = 0, gradation = 0;
+  double least = 0, greatest = 0, gradation = 0;
+  double error = 0;               ///< in the units of the mesh, or …
+  bool error_in_percent = false;  ///< … in percent of its diagonal
   amps::Index count = 0;
 };
 
@@ -31,10 +33,16 @@ inline std::pair<std::string, std::string> sizing_file(const std::string& name) 
   return {name.substr(0, colon + 4), name.substr(colon + 5)};
 }
 
-inline SizingRequest sizing_request(const Arguments& arguments) {
+/// E of --error in the units of this mesh; 0: none.
+inline double error_of(const SizingRequest& request, const amps::Mesh& mesh) {
+  return request.error_in_percent ? request.error / 100 * amps::bounding_box(mesh).diagonal() : request.error;
+}
+
+/// `certified`: --error bounds the result, whatever its radii; else it makes them.
+inline SizingRequest sizing_request(const Arguments& arguments, bool certified = false) {
   SizingRequest request;
-  request.error = arguments.positive("--error");
-  request.kind = arguments.text("--sizing", request.error > 0 ? "curvature" : "uniform");
+  request.error = arguments.positive_or_percent("--error", request.error_in_percent);
+  request.kind = arguments.text("--sizing", request.error > 0 && !certified ? "curvature" : "uniform");
   request.least = arguments.positive("--rmin");
   request.greatest = arguments.positive("--rmax");
   request.count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
@@ -42,10 +50,14 @@ inline SizingRequest sizing_request(const Arguments& arguments) {
   const bool bounded = request.least > 0 || request.greatest > 0;
   if (request.kind == "uniform") {
     for (const char* name : {"--rmin", "--rmax", "--error", "--gradation"}) {
+      if (certified && name == std::string("--error")) continue;
       if (arguments.has(name)) throw arguments.error(std::string(name) + " is for radii that vary: say --sizing as well");
     }
-    if (arguments.has("--radius") == arguments.has("--vertices")) {
-      throw arguments.error("say how dense: either --radius R or --vertices N");
+    const bool by_radius = arguments.has("--radius"), by_count = arguments.has("--vertices");
+    if (by_radius && by_count) throw arguments.error("say how dense: either --radius R or --vertices N");
+    if (!by_radius && !by_count && request.error == 0) {
+      throw arguments.error(std::string("say how dense: either --radius R or --vertices N") +
+                            (certified ? ", or --error E, how far the result may be off" : ""));
     }
     return request;
   }
@@ -58,9 +70,11 @@ inline SizingRequest sizing_request(const Arguments& arguments) {
   if (arguments.has("--radius")) {
     throw arguments.error("--radius is for uniform sets, --sizing " + request.kind + " has its own radii");
   }
-  if (request.error > 0 && request.kind != "curvature") throw arguments.error("--error goes with --sizing curvature");
-  if (request.count > 0 && (bounded || request.error > 0)) {
-    throw arguments.error("--vertices scales all radii: leave out --rmin, --rmax and --error");
+  if (!certified && request.error > 0 && request.kind != "curvature")
+    throw arguments.error("--error goes with --sizing curvature");
+  if (request.count > 0 && (bounded || (request.error > 0 && !certified))) {
+    throw arguments.error(std::string("--vertices scales all radii: leave out --rmin") +
+                          (certified ? " and --rmax" : ", --rmax and --error"));
   }
   if (request.greatest > 0 && request.least > request.greatest) throw arguments.error("--rmin is greater than --rmax");
   if (request.count == 0 && request.kind == "lfs" && !bounded) {
@@ -93,7 +107,7 @@ inline amps::SizingField make_sizing(const SizingRequest& request, const amps::M
     field = amps::lfs_sizing(mesh, {}, making);
   } else if (request.kind == "curvature") {
     amps::CurvatureOptions options;
-    options.max_error = request.error > 0 ? request.error : kErrorScale * amps::bounding_box(mesh).diagonal();
+    options.max_error = request.error > 0 ? error_of(request, mesh) : kErrorScale * amps::bounding_box(mesh).diagonal();
     field = amps::curvature_sizing(mesh, options, making);
   } else {
     field = file_sizing(mesh, request.kind, making);

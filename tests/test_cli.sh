@@ -54,6 +54,18 @@ for command in sample remesh curves gaps spectrum info make render; do
   done
 done
 
+echo "-- polygons, and counts with an exponent"
+printf 'v 0 0 0\nv 2 1 0\nv 0 2 0\nv 1 1 0\nf 1 2 3 4\n' >arrow.obj
+run 0 info arrow.obj
+grep -q '^area *1$' log/out || fail "the arrow's area: $(cat log/out)"
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 3 0 0\nv 3 1 0\nf 1 2 3 4\nf 2 5 6\n' >bow_tie.obj
+run 0 info bow_tie.obj --json info.json
+grep -q '^crossing polygons *1$' log/out || fail "a bow tie is not told: $(cat log/out)"
+[ "$(number crossing_polygons info.json)" = 1 ] || fail "a bow tie is not in the JSON"
+run 0 make sphere exponent.obj --n 1e3
+bad "whole number" make sphere x.obj --n 1e
+bad "whole number" make sphere x.obj --n 1e99
+
 echo "-- shapes and information"
 for shape in sphere torus square knot cube; do
   run 0 make $shape $shape.obj --n 2000
@@ -175,6 +187,8 @@ bad "name angle" remesh torus.obj no.obj --vertices 100 --optimize angels
 bad "none, normal or free" remesh torus.obj no.obj --vertices 100 --fit tight
 bad "goes with" remesh torus.obj no.obj --vertices 100 --optimize valence --angle-min 40
 bad "does not go" remesh torus.obj no.obj --vertices 100 --optimize none --convergence course2.csv
+bad "written already" remesh torus.obj no.ply --vertices 100 --samples ./no.ply
+bad "written already" remesh torus.obj no.obj --vertices 100 --samples no.csv --json no.csv
 run 2 remesh torus.obj no.obj --vertices 100 --angle-min 61
 
 echo "-- radii that vary"
@@ -188,6 +202,10 @@ run 0 sample torus.obj lfs.csv --sizing lfs --rmin 0.05 --rmax 0.1 --gradation 0
 awk -v low="$(number min_radius lfs.json)" -v high="$(number max_radius lfs.json)" 'BEGIN { exit !(low >= 0.05 && high <= 0.1) }' ||
   fail "radii out of --rmin and --rmax"
 run 0 sample torus.obj curved.xyzr --error 0.004
+run 0 remesh torus.obj within.obj --error 0.5% --json within.json
+grep -q '"holds": *true' within.json || fail "--error is not said to hold"
+run 0 info within.obj --reference torus.obj --json apart.json
+awk -v d="$(number hausdorff_percent apart.json)" 'BEGIN { exit !(d <= 0.5) }' || fail "farther from the input than --error 0.5%"
 run 0 gaps torus.obj curved.xyzr
 run 0 sample torus.obj curved.xyzr --sizing curvature --vertices 500
 awk '/^v / { print 0.05 + 0.05 * ($2 > 0) }' torus.obj >radii.txt
@@ -308,11 +326,12 @@ bad "missing.obj" curves box.obj --keep missing.obj
 bad "does not go with" remesh box.obj no.obj --vertices 100 --keep box_lines.obj --neighborhood space
 
 echo "-- a shape that is lost"
-run 4 remesh torus.obj lost.obj --radius 3 --json lost.json --samples lost.xyzr
+# Balls: where disks know the surface, radii fall until the shape is kept.
+run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --json lost.json --samples lost.xyzr
 grep -q '^amps: nothing of the shape is left' log/err || fail "an empty result: $(cat log/err)"
 grep -q '"status": "shape changed"' lost.json || fail "the status of an empty result: $(grep status lost.json)"
 { [ -s lost.obj ] && [ -s lost.xyzr ]; } || fail "results of a shape that is lost are not written"
-run 4 remesh torus.obj lost.obj --radius 3 --quiet
+run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --quiet
 [ ! -s log/out ] || fail "--quiet prints"
 
 echo "-- the same seed, the same bytes"
@@ -362,6 +381,15 @@ assert len(zlib.decompress(pixels)) == 200 * (1 + 3 * 200)
 PYTHON
 fi
 
+# Sets of remesh say what of the surface they are on: their disks know it, and are not called too near.
+run 0 make cube thin.obj --n 12
+awk '$1 == "v" { $4 *= 0.05 } { print }' thin.obj >plate2.obj
+run 0 remesh plate2.obj plate3.obj --vertices 600 --samples plate3.csv
+run 0 gaps plate2.obj plate3.csv
+grep -q '^Poisson-disk *yes' log/out || fail "gaps takes a set of remesh for balls"
+run 0 gaps plate2.obj plate3.csv --neighborhood space
+grep -q '^Poisson-disk *no' log/out || fail "sheets nearer than r are apart for balls"
+
 echo "-- bad usage"
 bad "no command"
 bad "unknown command" frobnicate
@@ -385,10 +413,13 @@ bad "say how dense" remesh torus.obj no.obj --sizing lfs
 bad "say how dense" remesh torus.obj no.obj --sizing curvature
 bad "leave out" remesh torus.obj no.obj --sizing lfs --vertices 100 --rmin 0.1
 bad "own radii" remesh torus.obj no.obj --sizing lfs --radius 0.1
-bad "goes with" remesh torus.obj no.obj --sizing lfs --error 0.1
+bad "goes with" sample torus.obj no.xyzr --sizing lfs --error 0.1
 bad "greater than" remesh torus.obj no.obj --sizing lfs --rmin 0.2 --rmax 0.1
 bad "radii that vary" remesh torus.obj no.obj --radius 0.1 --gradation 0.1
 bad "above 0" remesh torus.obj no.obj --error 0
+bad "above 0" remesh torus.obj no.obj --error 0%
+bad "wants a number" remesh torus.obj no.obj --error 1%%
+bad "wants a number" remesh torus.obj no.obj --error %
 bad "few.txt" remesh torus.obj no.obj --sizing few.txt
 bad "property nothing" remesh torus.obj no.obj --sizing radii.ply:nothing
 bad "twice" remesh torus.obj no.obj --radius 0.1 --radius 0.1

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <utility>
 
 using namespace amps;
@@ -161,6 +162,31 @@ TEST_CASE("curves: three sheets at an edge, two fans at a vertex, marks and labe
   CHECK(find_curves(square, options).curves.size() == 5);
   options.edges = {{1, 3}};
   CHECK_THROWS_AS(find_curves(square, options), Error);
+
+  // Why: what holds of an edge comes before its being marked.
+  const auto kind_of = [](const Mesh& mesh, const CurveOptions& wanted, Index a, Index b) {
+    for (const amps::Curve& curve : find_curves(mesh, wanted).curves) {
+      for (std::size_t k = 0; k + 1 < curve.vertices.size(); ++k) {
+        const Index from = curve.vertices[k], to = curve.vertices[k + 1];
+        if (std::min(from, to) == a && std::max(from, to) == b) return std::string(name_of(curve.kind));
+      }
+    }
+    return std::string("none");
+  };
+  const auto fold = [](double height) {
+    return triangles_of({{0, 0, 0}, {1, 0, 0}, {1, 1, height}, {0, 1, 0}}, {{0, 1, 2}, {0, 2, 3}});
+  };
+  CurveOptions marked;
+  CHECK(kind_of(fold(0), marked, 0, 2) == "none");
+  CHECK(kind_of(fold(5), marked, 0, 2) == "crease");
+  CHECK(kind_of(fold(0), marked, 0, 1) == "border");
+  CHECK(kind_of(book, marked, 0, 1) == "edge of many sheets");
+  marked.edges = {{0, 1}, {0, 2}};
+  CHECK(kind_of(fold(0), marked, 0, 2) == "marked");
+  CHECK(kind_of(fold(5), marked, 0, 2) == "crease");
+  CHECK(kind_of(fold(0), marked, 0, 1) == "border");
+  marked.labels = {1, 2};
+  CHECK(kind_of(fold(5), marked, 0, 2) == "border of labels");
   options.edges.clear();
   options.borders = false;
   options.vertices = {1};

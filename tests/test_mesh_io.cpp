@@ -273,6 +273,18 @@ TEST_CASE("mesh_io: labels of facets are groups of OBJ and a property of PLY, an
   }
   CHECK(found == options.labels);
   CHECK(groups == 3);
+  // However labels are mixed, there is one group of each.
+  amps::MeshWriteOptions mixed;
+  for (Index f = 0; f < rows(mesh.triangles); ++f) mixed.labels.push_back(f % 3 == 0 ? 4 : f % 2);
+  const std::string text = amps::format_mesh(mesh, MeshFormat::kObj, mixed);
+  for (const char* group : {"g patch_4\n", "g patch_1\n", "g patch_0\n"}) {
+    CHECK(text.find(group) != std::string::npos);
+    CHECK(text.find(group) == text.rfind(group));
+  }
+  const Mesh grouped = amps::parse_mesh(text, MeshFormat::kObj);
+  CHECK(rows(grouped.triangles) == rows(mesh.triangles));
+  CHECK(grouped.triangles.row(0) == mesh.triangles.row(0));  // of 4, the number that comes first
+  CHECK(grouped.triangles.row(1) == mesh.triangles.row(3));
   std::istringstream ply(amps::format_mesh(mesh, MeshFormat::kPly, options));
   std::string line;
   bool told = false;

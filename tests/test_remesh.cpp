@@ -344,8 +344,11 @@ TEST_CASE("remesh: a soup is reported as what it is after merging") {
 }
 
 TEST_CASE("remesh: one sample, or two, have no triangle") {
-  const RemeshResult one = amps::remesh(amps::make_sphere(320), plain(with_radius(10)));
-  CHECK(one.status == Outcome::kDone);
+  RemeshOptions options = plain(with_radius(10));
+  options.topology = amps::Topology::kReport;
+  const Mesh sphere = amps::make_sphere(320);
+  const RemeshResult one = amps::remesh(sphere, options);
+  CHECK(one.status == Outcome::kShapeChanged);
   CHECK(rows(one.mesh.vertices) == 1);
   CHECK(rows(one.mesh.triangles) == 0);
   CHECK(one.report.quality.triangles == 0);
@@ -480,10 +483,16 @@ TEST_CASE("remesh: outcomes have names, from best to worst") {
   CHECK(amps::name_of(Outcome::kDone) == std::string("done"));
   CHECK(amps::name_of(Outcome::kIterationLimit) == std::string("iteration limit"));
   CHECK(amps::name_of(Outcome::kStalled) == std::string("stalled"));
+  CHECK(amps::name_of(Outcome::kCountMissed) == std::string("count missed"));
+  CHECK(amps::name_of(Outcome::kErrorMissed) == std::string("error missed"));
+  CHECK(amps::name_of(Outcome::kShapeChanged) == std::string("shape changed"));
   CHECK(amps::name_of(Outcome::kCancelled) == std::string("cancelled"));
   CHECK(Outcome::kDone < Outcome::kIterationLimit);
   CHECK(Outcome::kIterationLimit < Outcome::kStalled);
-  CHECK(Outcome::kStalled < Outcome::kCancelled);
+  CHECK(Outcome::kStalled < Outcome::kCountMissed);
+  CHECK(Outcome::kCountMissed < Outcome::kErrorMissed);
+  CHECK(Outcome::kErrorMissed < Outcome::kShapeChanged);
+  CHECK(Outcome::kShapeChanged < Outcome::kCancelled);
 }
 
 TEST_SUITE("slow") {

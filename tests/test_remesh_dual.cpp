@@ -225,7 +225,9 @@ Mesh twice(const Mesh& mesh, bool turned) { return joined(mesh, turned ? inside_
 }  // namespace
 
 TEST_CASE("dual: no boundary opens on a closed surface, whatever the samples") {
-  for (const auto& [name, mesh] : closed_surfaces()) {
+  for (const NamedMesh& model : closed_surfaces()) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     CAPTURE(name);
     REQUIRE(is_closed_surface(mesh));
     for (const Index n : {30, 300, 2000}) {
@@ -249,7 +251,9 @@ TEST_CASE("dual: an edge has an odd number of triangles where the border of its 
   meshes.push_back({"joined tetrahedra", data_mesh_or("joined_tetrahedra.obj", joined_tetrahedra())});
   meshes.push_back({"three sheets", data_mesh_or("reports/13_three_sheets.obj", open_book(3))});
   std::size_t crossings = 0;
-  for (const auto& [name, mesh] : meshes) {
+  for (const NamedMesh& model : meshes) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     CAPTURE(name);
     for (const Index n : {20, 200, 1000}) {
       CAPTURE(n);
@@ -279,7 +283,9 @@ TEST_CASE("dual: no boundary opens where samples lie on a lattice, with all its 
 
 TEST_CASE("dual: no boundary opens when sites come and go") {
   Rng rng(5);
-  for (const auto& [name, mesh] : {NamedMesh{"tetrahedron", tetrahedron()}, NamedMesh{"plate", plate(0.05)}}) {
+  for (const NamedMesh& model : {NamedMesh{"tetrahedron", tetrahedron()}, NamedMesh{"plate", plate(0.05)}}) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     CAPTURE(name);
     const SampleSet set = random_set(mesh, 200, 1, 3);
     Diagram diagram = diagram_of(mesh, set);
@@ -308,7 +314,9 @@ TEST_CASE("dual: no boundary opens when sites come and go") {
 
 TEST_CASE("dual: a triple is there if its cells meet an odd number of times") {
   int doubled = 0, tripled = 0;
-  for (const auto& [name, mesh] : closed_surfaces()) {
+  for (const NamedMesh& model : closed_surfaces()) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     if (name == "pillow") continue;  // corners of both sheets in one place
     CAPTURE(name);
     const SampleSet set = random_set(mesh, 150, 1, 23);
@@ -348,7 +356,9 @@ TEST_CASE("dual: a tetrahedron of few thousand samples comes out closed and mani
 }
 
 TEST_CASE("dual: no boundary opens after optimisation, nor with radii that vary") {
-  for (const auto& [name, mesh] : closed_surfaces()) {
+  for (const NamedMesh& model : closed_surfaces()) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     if (name == "pillow") continue;  // nothing left
     CAPTURE(name);
     amps::RemeshOptions options;
@@ -363,7 +373,9 @@ TEST_CASE("dual: no boundary opens after optimisation, nor with radii that vary"
 }
 
 TEST_CASE("dual: diagrams of surfaces that are there twice obey all laws, and are those of one") {
-  for (const auto& [name, mesh] : {NamedMesh{"cube", amps::make_cube(1)}, NamedMesh{"soup", random_soup(10, 3)}}) {
+  for (const NamedMesh& model : {NamedMesh{"cube", amps::make_cube(1)}, NamedMesh{"soup", random_soup(10, 3)}}) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     CAPTURE(name);
     const Mesh doubled = twice(mesh, true);
     const Sites sites = random_sites(doubled, 40, 0.01, 9);
@@ -380,7 +392,9 @@ TEST_CASE("dual: facets that are there twice are one") {
                                        {"cube", amps::make_cube(2)},
                                        {"sphere", amps::make_sphere(180)},
                                        {"tetrahedron", tetrahedron()}};
-  for (const auto& [name, mesh] : once) {
+  for (const NamedMesh& model : once) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     CAPTURE(name);
     for (const bool turned : {false, true}) {
       CAPTURE(turned);

@@ -132,7 +132,9 @@ std::vector<NamedMesh> law_meshes() {
 
 TEST_CASE("topology_certificate: where it holds, the dual has the topology of the surface: maximal sets") {
   Tally all;
-  for (const auto& [name, mesh] : law_meshes()) {
+  for (const NamedMesh& model : law_meshes()) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     CAPTURE(name);
     const double size = amps::bounding_box(mesh).diagonal();
     for (const Neighborhood neighborhood : {Neighborhood::kSpace, Neighborhood::kSurface}) {
@@ -156,7 +158,9 @@ TEST_CASE("topology_certificate: where it holds, the dual has the topology of th
 
 TEST_CASE("topology_certificate: where it holds, the dual has the topology of the surface: random sites") {
   Rng rng(7);
-  for (const auto& [name, mesh] : law_meshes()) {
+  for (const NamedMesh& model : law_meshes()) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     CAPTURE(name);
     Tally tally;
     for (const Index n : {1, 2, 3, 4, 5, 6, 8, 12, 20, 40, 100, 300}) {
@@ -355,11 +359,13 @@ CellShape shape_of_cell(const Diagram& diagram, Index s, double tolerance) {
 TEST_CASE("topology_certificate: pieces and disks are those of the cells as complexes of points") {
   Rng rng(11);
   int disks = 0, others = 0;
-  for (const auto& [name, mesh] : std::vector<NamedMesh>{{"sphere", amps::make_sphere(180)},
-                                                         {"torus", amps::make_torus(1.0, 0.1, 20, 7)},
-                                                         {"knot", small_knot()},
-                                                         {"plate", thin_plate(0.05, 3)},
-                                                         {"tube", open_tube(7, 5, 0.1)}}) {
+  for (const NamedMesh& model : std::vector<NamedMesh>{{"sphere", amps::make_sphere(180)},
+                                                       {"torus", amps::make_torus(1.0, 0.1, 20, 7)},
+                                                       {"knot", small_knot()},
+                                                       {"plate", thin_plate(0.05, 3)},
+                                                       {"tube", open_tube(7, 5, 0.1)}}) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     CAPTURE(name);
     for (const Index n : {1, 3, 8, 25, 80}) {
       CAPTURE(n);
@@ -792,7 +798,9 @@ TEST_CASE("topology_certificate: facets that are divided differently at an edge 
 // How it is called.
 
 TEST_CASE("topology_certificate: cells one by one tell what all together do, on any number of threads") {
-  for (const auto& [name, mesh] : law_meshes()) {
+  for (const NamedMesh& model : law_meshes()) {
+    const std::string& name = model.name;
+    const Mesh& mesh = model.mesh;
     CAPTURE(name);
     const Certified certified(mesh, maximal_set(mesh, 0.1, Neighborhood::kSpace), Neighborhood::kSpace);
     const TopologyCertificate all = certified.certificate();
@@ -853,7 +861,9 @@ TEST_CASE("topology_certificate: real meshes") {
                                          {"hemisphere.off", amps::make_square(8)},
                                          {"elephant.off", amps::make_sphere(1280)},
                                          {"cube-minimal-degenerated.obj", amps::make_cube(2)}};
-  for (const auto& [name, stand_in] : meshes) {
+  for (const NamedMesh& model : meshes) {
+    const std::string& name = model.name;
+    const Mesh& stand_in = model.mesh;
     CAPTURE(name);
     const Mesh mesh = data_mesh_or(name, stand_in);
     SamplingOptions options = with_count(6000);

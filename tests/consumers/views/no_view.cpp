@@ -1,4 +1,5 @@
-// Each case must not compile (check_no_view.cmake): what is named has no memory that a view could look at for long, or not in this shape.
+// Each case must not compile (check_no_view.cmake): what is named has no memory that a view could look at for long, or not in
+// this shape.
 #include "amps/mesh.h"
 
 Eigen::MatrixXd matrix();

@@ -1,0 +1,173 @@
+// Polygons cut into triangles, and what readers keep of them.
+#include "amps/polygons.h"
+
+#include "amps/mesh_io.h"
+#include "kit/errors.h"
+#include "kit/mesh_files.h"
+#include "kit/random.h"
+
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace amps_test {
+namespace {
+
+using Lattice = std::array<std::int64_t, 2>;
+
+std::int64_t twice_area(const Lattice& a, const Lattice& b, const Lattice& c) {
+  return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+bool on_segment(const Lattice& a, const Lattice& b, const Lattice& x) {
+  if (twice_area(a, b, x) != 0) return false;
+  return (x[0] - a[0]) * (x[0] - b[0]) + (x[1] - a[1]) * (x[1] - b[1]) <= 0;
+}
+
+bool touch(const Lattice& a, const Lattice& b, const Lattice& c, const Lattice& d) {
+  if (on_segment(a, b, c) || on_segment(a, b, d) || on_segment(c, d, a) || on_segment(c, d, b)) return true;
+  return (twice_area(a, b, c) > 0) != (twice_area(a, b, d) > 0) && (twice_area(c, d, a) > 0) != (twice_area(c, d, b) > 0);
+}
+
+/// A simple polygon, counter-clockwise: a triangle whose edges are bent towards points that leave it simple.
+std::vector<Lattice> random_polygon(Rng& rng, std::size_t corners, Index size) {
+  std::vector<Lattice> p{{0, 0}, {size, 0}, {0, size}};
+  for (int tries = 0; p.size() < corners && tries < 400; ++tries) {
+    const std::size_t n = p.size(), k = rng.below(n), l = (k + 1) % n;
+    const Lattice q{below(rng, size + 1), below(rng, size + 1)};
+    bool good = q != p[k] && q != p[l] && !on_segment(q, p[l], p[k]) && !on_segment(q, p[k], p[l]);
+    for (std::size_t i = 0; i < n && good; ++i) {
+      const std::size_t j = (i + 1) % n;
+      if (i == k) continue;
+      good = !on_segment(p[i], p[j], q);
+      good = good && !(j == k ? on_segment(p[k], q, p[i]) : touch(p[k], q, p[i], p[j]));
+      good = good && !(i == l ? on_segment(q, p[l], p[j]) : touch(q, p[l], p[i], p[j]));
+    }
+    if (good) p.insert(p.begin() + static_cast<std::ptrdiff_t>(k) + 1, q);
+  }
+  return p;
+}
+
+double area_of(const std::string& obj) { return amps::total_area(amps::parse_mesh(obj, MeshFormat::kObj)); }
+
+}  // namespace
+
+// Triangles that turn as the polygon does, and whose edges cancel but for those of the polygon, tile it: each point is in as
+// many of them as the polygon goes around it.
+TEST_CASE("polygons: triangles of simple polygons tile them") {
+  Rng rng(3);
+  int concave = 0, with_runs = 0;
+  for (int round = 0; round < 10000; ++round) {
+    const std::vector<Lattice> p = random_polygon(rng, 4 + rng.below(20), 2 + below(rng, 12));
+    const std::size_t n = p.size();
+    bool is_concave = false, has_run = false;
+    for (std::size_t k = 0; k < n; ++k) {
+      const std::int64_t turn = twice_area(p[k], p[(k + 1) % n], p[(k + 2) % n]);
+      is_concave = is_concave || turn < 0;
+      has_run = has_run || turn == 0;
+    }
+    concave += is_concave ? 1 : 0;
+    with_runs += has_run ? 1 : 0;
+    // On a plane of integer directions, so that coordinates are exact.
+    Vec3 u, v;
+    do {
+      for (int k = 0; k < 3; ++k) {
+        u[k] = below(rng, 9) - 4;
+        v[k] = below(rng, 9) - 4;
+      }
+    } while (u.cross(v).isZero());
+    std::vector<double> coordinates;
+    std::vector<Index> corners;
+    const std::size_t shift = rng.below(n);
+    for (std::size_t k = 0; k < n; ++k) {
+      const Vec3 x = static_cast<double>(p[k][0]) * u + static_cast<double>(p[k][1]) * v + Vec3(7, -3, 5);
+      coordinates.insert(coordinates.end(), {x[0], x[1], x[2]});
+      corners.push_back(static_cast<Index>((k + shift) % n));
+    }
+    std::vector<Index> triangles;
+    const amps::Execution execution;
+    amps::detail::PolygonCutter cutter(coordinates.data(), execution);
+    REQUIRE(cutter.cut(corners.data(), n, triangles));
+    REQUIRE(triangles.size() == 3 * (n - 2));
+    std::map<std::pair<Index, Index>, int> edges;
+    for (std::size_t t = 0; t < triangles.size(); t += 3) {
+      const auto at = [&](std::size_t k) { return p[static_cast<std::size_t>(triangles[t + k % 3])]; };
+      REQUIRE(twice_area(at(0), at(1), at(2)) > 0);
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Index a = triangles[t + k], b = triangles[t + (k + 1) % 3];
+        a < b ? ++edges[{a, b}] : --edges[{b, a}];
+      }
+    }
+    for (std::size_t k = 0; k < n; ++k) {
+      const auto a = static_cast<Index>(k), b = static_cast<Index>((k + 1) % n);
+      a < b ? --edges[{a, b}] : ++edges[{b, a}];
+    }
+    for (const auto& edge : edges) REQUIRE(edge.second == 0);
+  }
+  CHECK(concave > 5000);
+  CHECK(with_runs > 500);
+}
+
+TEST_CASE("polygons: shapes of known area") {
+  const std::string arrow = "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 1 1 0\n";
+  for (const char* face : {"f 1 2 3 4", "f 2 3 4 1", "f 3 4 1 2", "f 4 1 2 3", "f 4 3 2 1", "f 1 1 2 3 3 4 1"}) {
+    CAPTURE(face);
+    CHECK(area_of(arrow + face) == doctest::Approx(1));
+  }
+  // A square with a square hole, by a bridge from 1 to 5; with the bridge at another corner of the list.
+  const std::string frame = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 1 1 0\nv 1 3 0\nv 3 3 0\nv 3 1 0\n";
+  for (const char* face : {"f 1 2 3 4 1 5 6 7 8 5", "f 5 6 7 8 5 1 2 3 4 1", "f 3 4 1 5 6 7 8 5 1 2"}) {
+    CAPTURE(face);
+    const Mesh mesh = amps::parse_mesh(frame + face, MeshFormat::kObj);
+    CHECK(amps::total_area(mesh) == doctest::Approx(12));
+    CHECK(amps::topology(mesh).boundary_loops == 2);
+    CHECK(mesh.crossing_polygons.empty());
+  }
+}
+
+TEST_CASE("polygons: what crosses itself is told, and whose each triangle is") {
+  const std::string v = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\n";
+  const Mesh mesh = amps::parse_mesh("f 1 2 5\n" + v + "f 1 2\nf 1 2 3 4\nf 1 3 2 4\nf 1 2 3\n", MeshFormat::kObj);
+  CHECK(mesh.polygons == std::vector<Index>{0, 2, 2, 3, 3, 4});
+  CHECK(mesh.crossing_polygons == std::vector<Index>{3});
+  CHECK(amps::parse_mesh(v + "f 1 2 3\nf 1 3 4\n", MeshFormat::kObj).polygons.empty());
+}
+
+TEST_CASE("polygons: quads take the better diagonal, rectangles the first") {
+  const Mesh rhombus = amps::parse_mesh("v -3 0 0\nv 0 -1 0\nv 3 0 0\nv 0 1 0\nf 1 2 3 4\n", MeshFormat::kObj);
+  CHECK(rhombus.triangles(0, 2) == 3);
+  const Mesh rectangle = amps::parse_mesh("v 0 0 0\nv 3 0 0\nv 3 1 0\nv 0 1 0\nf 1 2 3 4\n", MeshFormat::kObj);
+  CHECK(rectangle.triangles(0, 2) == 2);
+}
+
+TEST_CASE("mesh_io: triangle strips, broken comments, and files in wraps") {
+  const std::string strip =
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement tristrips 1\n"
+      "property list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n";
+  for (const char* list : {"4 0 1 2 3\n", "8 0 1 2 -1 2 1 3 -1\n", "6 0 1 2 2 3 1\n"}) {
+    const Mesh mesh = amps::parse_mesh(strip + list, MeshFormat::kPly);
+    CHECK(amps::total_area(mesh) == doctest::Approx(1));
+    CHECK(amps::facet_normals(mesh)(1, 2) == 1);
+  }
+  const std::string broken =
+      "ply\nformat ascii 1.0\ncomment by an exporter, source: \n made-up.blend\nelement vertex 3\nproperty float x\n"
+      "property float y\nproperty float z\nelement face 1\nproperty list uchar uint vertex_indices\nend_header\n"
+      "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+  CHECK(rows(amps::parse_mesh(broken, MeshFormat::kPly).triangles) == 1);
+  std::string little = "OFF BINARY\n";
+  for (const std::int32_t count : {4, 1, 0}) put(little, count, false);
+  for (const float x : {0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 0.f, 1.f, 0.f, 1.f, 1.f, 0.f}) put(little, x, false);
+  for (const std::int32_t index : {4, 0, 1, 3, 2, 0}) put(little, index, false);
+  check_is_square(little, MeshFormat::kOff);
+  for (const MeshFormat format : kFormats) {
+    check_refused("\x1F\x8B\x08 and more", format, "gzip");
+    check_refused("\xFF\xFEv", format, "UTF-16");
+  }
+}
+
+}  // namespace amps_test
