@@ -29,9 +29,8 @@ namespace amps {
 /// What becomes of the border of the square.
 enum class SquareBorder {
   /// The square is seen through the window (1 − cos 2πx)(1 − cos 2πy) (Hann): sets that go on beyond it, or end at it, as those
-  /// of sample() on a square do. At whole frequencies the window of the mean density is exactly 0 but for the nine with |u|,
-  /// |v|
-  /// ≤ 1, which count in no ring. Peaks are three frequencies wide, and neighbours are not independent of each other.
+  /// of sample() on a square do. At whole frequencies the window of the mean density is exactly 0 but for the nine where |u|
+  /// and |v| are at most 1, which count in no ring. Peaks are three frequencies wide, and neighbours are not independent of each other.
   kWindow,
   /// The set goes on as itself on all sides, as sets made on a torus do.
   kPeriodic,

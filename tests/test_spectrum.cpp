@@ -211,6 +211,74 @@ TEST_CASE("spectrum: a square lattice has peaks at its dual lattice and nothing 
   CHECK(seen.at(3, 0) < 1e-10);
 }
 
+TEST_CASE("spectrum: a jittered grid lacks low frequencies by the law of its jitter") {
+  // Of a point uniform in each cell of a grid of m × m, Σ exp has mean 0 at all frequencies but multiples of m in both axes,
+  // and P(u, v) = 1 − sinc²(πu/m)·sinc²(πv/m) exactly: it rises as (π²/3)|f|²/m², reaches 1 at the cells' frequency.
+  constexpr Index kSide = 24, kSets = 40;
+  std::vector<SampleSet> sets;
+  for (int k = 0; k < kSets; ++k) {
+    Rng rng(static_cast<std::uint64_t>(500 + k));
+    SampleSet set;
+    set.positions = made_points(kSide * kSide, [&](Index i) {
+      const double x = rng.uniform(), y = rng.uniform();
+      return Vec3((i % kSide + x) / kSide, (i / kSide + y) / kSide, 0);
+    });
+    sets.push_back(set);
+  }
+  const SpectrumReport report = spectrum(positions_of(sets), periodic(60));
+  const auto sinc2 = [](double f) {
+    const double x = kPi * f / kSide;
+    return f == 0 ? 1.0 : std::sin(x) * std::sin(x) / (x * x);
+  };
+  std::vector<double> expected(report.rings.size(), 0.0), count(report.rings.size(), 0.0);
+  for (int v = -60; v <= 60; ++v) {
+    for (int u = -60; u <= 60; ++u) {
+      const auto ring = static_cast<std::size_t>(std::floor(std::hypot(u, v) + 0.5));
+      if (ring < 1 || ring > expected.size()) continue;
+      expected[ring - 1] += 1 - sinc2(u) * sinc2(v);
+      ++count[ring - 1];
+    }
+  }
+  for (std::size_t k = 0; k < expected.size(); ++k) {
+    expected[k] /= count[k];
+    // Exponentially distributed about its mean, as noise is; f and −f are one.
+    const double deviation = expected[k] * std::sqrt(2 / (kSets * count[k]));
+    CHECK(std::abs(report.radial_mean[k] - expected[k]) < 5 * deviation);
+  }
+  CHECK(report.effective_nyquist > 0.1);
+  CHECK(report.effective_nyquist < 0.56);  // worse than step blue noise
+  CHECK(report.oscillation < 1);
+}
+
+TEST_CASE("spectrum: a hexagonal lattice has peaks at its dual lattice, of six directions") {
+  // Rows of kAlong points, every other one shifted by half a distance, in a square that they almost fill as equilateral
+  // triangles: 15 × 2/√3 = 17.3 rows, taken as 18. Peaks at (a·kAlong, b·kRows/2), a + b even.
+  constexpr Index kAlong = 15, kRows = 18;
+  SampleSet lattice;
+  lattice.positions = made_points(kAlong * kRows, [](Index i) {
+    const Index row = i / kAlong;
+    return Vec3((i % kAlong + 0.25 + 0.5 * (row % 2)) / kAlong, (row + 0.5) / kRows, 0);
+  });
+  const SpectrumReport report = spectrum({lattice.positions}, periodic(50));
+  Index peaks = 0;
+  for (int v = -50; v <= 50; ++v) {
+    for (int u = -50; u <= 50; ++u) {
+      const bool peak = u % kAlong == 0 && v % (kRows / 2) == 0 && (u / kAlong + v / (kRows / 2)) % 2 == 0;
+      CHECK(std::abs(report.at(u, v) - (peak ? kAlong * kRows : 0)) < 1e-9);
+      peaks += peak && (u != 0 || v != 0) && std::hypot(u, v) < 1.2 * kRows;
+    }
+  }
+  CHECK(peaks == 6);
+  // The first peaks of equilateral triangles are at 2/(√3 d), n = 2/(√3 d²): 1.0746 √n.
+  CHECK(report.effective_nyquist > 1);
+  CHECK(report.effective_nyquist < 2.2);
+  CHECK(report.oscillation > 10);
+  const auto first = std::find_if(report.radial_mean.begin(), report.radial_mean.end(), [](double p) { return p > 0.1; });
+  const double at_first = report.rings[static_cast<std::size_t>(first - report.radial_mean.begin())];
+  CHECK(at_first / std::sqrt(report.mean_points) == Approx(1.0746).epsilon(0.04));
+  CHECK(report.anisotropy[static_cast<std::size_t>(first - report.radial_mean.begin())] > 5);
+}
+
 TEST_CASE("spectrum: maximal Poisson-disk sets have no low frequencies, a peak near 1/r, and no direction") {
   constexpr double kRadius = 0.03;
   const std::vector<SampleSet> sets = disks_on(amps::make_square(8), kRadius, 10);
@@ -440,6 +508,25 @@ TEST_CASE("differential spectrum: on a sphere that of the plane, without a prefe
   for (std::size_t k = 20; k < 100; ++k) CHECK(std::abs(report.anisotropy[k]) < 6);
   const DifferentialReport plane = differential_spectrum(amps::make_square(8), disks_on(amps::make_square(8), 0.02, 2));
   for (std::size_t k = 22; k < 100; ++k) {
+    const double noise = std::sqrt(1 / plane.pairs[k] + 1 / report.pairs[k]);
+    CHECK(std::abs(report.radial_mean[k] - plane.radial_mean[k]) < 0.03 + 5 * noise);
+  }
+}
+
+TEST_CASE("differential spectrum: on a torus that of the plane, without a preferred direction") {
+  constexpr double kRadius = 0.05;
+  const Mesh torus = amps::make_torus(1.0, 0.4, 160, 64);
+  DifferentialOptions options;
+  options.range = 3;  // beyond, the tube is curved too much for what is seen on a plane
+  options.bins = 60;
+  const std::vector<SampleSet> sets = disks_on(torus, kRadius, 3);
+  const DifferentialReport report = differential_spectrum(torus, sets, options);
+  CHECK(report.min_distance >= 1 - 1e-12);
+  CHECK(mean_between(report, report.radial_mean, 2.5, 3) == Approx(1).epsilon(0.02));
+  CHECK(std::abs(mean_between(report, report.anisotropy, 1, 3)) < 0.8);
+  const DifferentialReport plane =
+      differential_spectrum(amps::make_square(8), disks_on(amps::make_square(8), 0.02, 2), options);
+  for (std::size_t k = 22; k < 60; ++k) {
     const double noise = std::sqrt(1 / plane.pairs[k] + 1 / report.pairs[k]);
     CHECK(std::abs(report.radial_mean[k] - plane.radial_mean[k]) < 0.03 + 5 * noise);
   }
