@@ -16,6 +16,7 @@
 #include "cli_sizing.h"
 #include "cli_spectrum.h"
 #include "cli_watch.h"
+#include "render_mesh.h"
 #include "render_png.h"
 
 #include <algorithm>
