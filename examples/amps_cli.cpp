@@ -12,14 +12,17 @@
 #include "cli_files.h"
 #include "cli_keep.h"
 #include "cli_output.h"
+#include "cli_render.h"
 #include "cli_report.h"
 #include "cli_sizing.h"
 #include "cli_spectrum.h"
 #include "cli_watch.h"
+#include "render_looks.h"
 #include "render_mesh.h"
 #include "render_png.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -471,14 +474,7 @@ int run_make(const Arguments& arguments) {
 }
 
 int run_render(const Arguments& arguments) {
-  constexpr std::uint64_t kLargestPicture = 16384;
-  render::Options options;
-  options.size = static_cast<int>(arguments.whole("--size", 1024, 16, kLargestPicture));
-  options.azimuth = arguments.real("--azimuth", options.azimuth, -360, 360);
-  options.elevation = arguments.real("--elevation", options.elevation, -90, 90);
-  options.smooth = arguments.has("--smooth");
-  options.edges = !arguments.has("--no-edges");
-  options.z_up = arguments.has("--z-up");
+  const RenderRequest request = render_request(arguments);
   const bool curves = arguments.has("--curves");
   amps::CurveOptions finding = curve_options(arguments);
   finding.radius = arguments.positive("--radius");
@@ -488,14 +484,23 @@ int run_render(const Arguments& arguments) {
   require_picture_output(arguments, arguments.operand(1));
   Watch watch(arguments.quiet(), threads_of(arguments));
   const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
+  amps::SampleSet samples, added;
+  if (request.samples) samples = amps::read_samples(arguments.text("--samples"), watch.part(kRead, 0.04));
+  if (arguments.has("--added")) added = amps::read_samples(arguments.text("--added"), watch.part(0.04, 0.05));
+  std::vector<std::array<amps::Index, 2>> lines;
   if (curves) {
     const bool marked = !arguments.has("--features") && amps::mesh_format(arguments.operand(0)) == amps::MeshFormat::kObj;
-    if (marked) options.curves = amps::read_mesh_marks(arguments.operand(0), watch.part(kRead, 0.05)).edges;
-    finding.execution = watch.part(0.05, 0.1);
-    if (options.curves.empty()) options.curves = edges_of(amps::find_curves(mesh, finding));
+    if (marked) lines = amps::read_mesh_marks(arguments.operand(0), watch.part(0.05, 0.06)).edges;
+    finding.execution = watch.part(0.06, 0.1);
+    if (lines.empty()) lines = edges_of(amps::find_curves(mesh, finding));
   }
-  options.execution = watch.part(0.1, 0.6);
-  const render::Image image = render::draw(mesh, options);
+  render::Scene scene = scene_of(request, mesh, samples, watch.part(0.1, 0.25));
+  if (request.samples && !arguments.has("--no-dots")) render::add_dots(samples, render::look::kDot, scene.options);
+  if (added.size() > 0) render::add_dots(added, render::look::kRed, scene.options);
+  render::set_curves(mesh, lines, scene);
+  scene.options.execution = watch.part(0.25, 0.6);
+  render::Image image = render::draw(scene.mesh, scene.options);
+  if (arguments.has("--legend")) image = render::with_legend(image, legend_of(request, added.size() > 0));
   write_file(arguments.operand(1), render::encode_png(image, watch.part(0.6, 1)));
   watch.finish();
   return kExitDone;
@@ -649,8 +654,20 @@ const std::vector<Command>& commands() {
        "IN OUT",
        "draw a picture of a mesh",
        "IN is a mesh (.obj .off .ply .stl), OUT a .png. Insides, seen through holes or on flipped triangles, are red.\n"
-       "Curves are the lines (l) of IN if it has some, such as amps writes them; else, or with --features, they are found.",
+       "Curves are the lines (l) of IN if it has some, such as amps writes them; else, or with --features, they are found.\n"
+       "Looks: shape; valence (around vertices with 5 neighbours blue, 6 green, 7 orange, others dark); angles (triangles "
+       "with\n"
+       "one below 30 or above 120 degrees dark, below 35 or above 105 red); radius (cool where small, warm where large: of\n"
+       "samples, or of edges). Of a sample set: cells (of its power diagram on the surface), gaps (in no disk: red), disks.\n"
+       "The picture fits the model. The circles of disks are those of balls.",
        {{"--size", "N", "width and height in pixels (default 1024)"},
+        {"--look", "NAME", "shape (default), valence, angles, radius, cells, gaps or disks"},
+        {"--legend", nullptr, "say in the picture what the colours of a look mean"},
+        {"--samples", "FILE", "a sample set (.xyzr .ply .csv): each is a dot"},
+        {"--no-dots", nullptr, "no dots, only what the look makes of the set"},
+        {"--added", "FILE", "samples drawn as red dots, such as those that 'amps fill' added"},
+        {"--view", "NAME", "front, back, left, right, top, bottom or iso, in place of both angles"},
+        {"--zoom", "F", "so many times larger than what fits, about the middle"},
         {"--azimuth", "DEG", "walk around the model (default 30)"},
         {"--elevation", "DEG", "look down on it (default 18)"},
         {"--z-up", nullptr, "the model's up axis is z, not y"},

@@ -136,7 +136,7 @@ inline double typical_edge(const amps::MeshView& mesh, const amps::Points& scree
 
 /// Of evenly spread dots, half of which are seen, the greatest radius in pixels that leaves most of the surface to be seen.
 inline double usual_dot(const Options& options) {
-  constexpr double kOfSpacing = 0.16, kLeast = 0.9, kMost = 7;
+  constexpr double kOfSpacing = 0.12, kLeast = 0.9, kMost = 7;
   const double spacing = options.size * options.zoom / std::sqrt(1.0 + 0.5 * static_cast<double>(options.dots.size()));
   return std::clamp(kOfSpacing * spacing, kLeast, kMost);
 }

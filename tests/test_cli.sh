@@ -365,6 +365,53 @@ for azimuth in 0 180; do
   cmp -s without.png with.png || code=1
   [ $code = $((azimuth / 180)) ] || fail "a line behind a square, seen from azimuth $azimuth"
 done
+for look in valence angles radius; do
+  run 0 render torus.obj look_$look.png --size 120 --look $look --legend
+  ! cmp -s look_$look.png torus.png || fail "--look $look is not seen"
+done
+for look in cells gaps disks radius; do
+  run 0 render torus.obj set_$look.png --size 120 --look $look --samples set.xyzr --view iso --legend --threads 1
+  run 0 render torus.obj set_2.png --size 120 --look $look --samples set.xyzr --view iso --legend --threads 2
+  cmp set_$look.png set_2.png || fail "--look $look depends on the threads"
+done
+# Of a maximal set nothing is red; of one with holes something is, and so are added samples.
+run 0 render torus.obj full.png --size 120 --look gaps --samples set.xyzr --no-dots
+run 0 render torus.obj holes.png --size 120 --look gaps --samples holes.xyzr --no-dots
+run 0 render torus.obj added.png --size 120 --look gaps --samples set.xyzr --no-dots --added holes.xyzr
+if command -v python3 >log/which 2>&1; then
+  python3 - <<'PYTHON' || fail "gaps are red, and nothing else is"
+import zlib
+def red(name):
+    data = open(name, "rb").read()
+    at = data.index(b"IDAT")
+    raw = zlib.decompress(data[at + 4:at + 4 + int.from_bytes(data[at - 4:at], "big")])
+    size = int.from_bytes(data[16:20], "big")
+    above, count = bytearray(3 * size), 0
+    for y in range(size):
+        kind, row = raw[y * (3 * size + 1)], bytearray(raw[y * (3 * size + 1) + 1:(y + 1) * (3 * size + 1)])
+        for i in range(3 * size):
+            a, b, c = (row[i - 3] if i > 2 else 0), above[i], (above[i - 3] if i > 2 else 0)
+            pa, pb, pc = abs(b - c), abs(a - c), abs(a + b - 2 * c)
+            row[i] = (row[i] + (0, a, b, (a + b) // 2, a if pa <= pb and pa <= pc else b if pb <= pc else c)[kind]) & 255
+        count += sum(row[i] > 2 * row[i + 1] and row[i] > 60 for i in range(0, 3 * size, 3))
+        above = row
+    return count
+assert red("full.png") == 0, red("full.png")
+assert red("holes.png") > 20, red("holes.png")
+assert red("added.png") > 20, red("added.png")
+PYTHON
+fi
+for view in front back left right top bottom; do
+  run 0 render box.obj view_$view.png --size 60 --view $view --no-edges
+done
+run 0 render box.obj angles.png --size 60 --azimuth 180 --elevation 0 --no-edges
+cmp view_back.png angles.png || fail "--view back is not that of its angles"
+run 0 render torus.obj near.png --size 120 --zoom 3
+bad "valence" render torus.obj no.png --look valnce
+bad "samples" render torus.obj no.png --look gaps
+bad "front" render torus.obj no.png --view below
+bad "legend" render torus.obj no.png --legend
+bad "missing.xyzr" render torus.obj no.png --look gaps --samples missing.xyzr
 bad "say --curves" render box.obj no.png --features 30
 bad "say --curves" render box.obj no.png --radius 0.1
 if command -v python3 >log/which 2>&1; then
