@@ -10,8 +10,10 @@
 #include "cli_arguments.h"
 #include "cli_curves.h"
 #include "cli_files.h"
+#include "cli_fill.h"
 #include "cli_keep.h"
 #include "cli_output.h"
+#include "cli_quality.h"
 #include "cli_render.h"
 #include "cli_report.h"
 #include "cli_sizing.h"
@@ -340,6 +342,116 @@ int run_gaps(const Arguments& arguments) {
   return report.maximal() ? kExitDone : kExitGaps;
 }
 
+int run_fill(const Arguments& arguments) {
+  neighborhood_of(arguments, amps::Neighborhood::kSpace);  // refuses other names, before the work
+  amps::SamplingOptions options;
+  options.radius = arguments.positive("--radius");
+  options.seed = arguments.whole("--seed", options.seed, 0, UINT64_MAX);
+  const bool from_nothing = names_no_samples(arguments.operand(1));
+  if (from_nothing && options.radius == 0) {
+    throw arguments.error("there are no samples in " + arguments.operand(1) + ": say --radius R for new ones");
+  }
+  require_sample_output(arguments, arguments.operand(2));
+  if (arguments.has("--added")) require_sample_output(arguments, arguments.text("--added"));
+  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  require_distinct(arguments, arguments.operand(2), {"--added", "--json"});
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.05));
+  amps::SampleSet before;
+  if (!from_nothing) before = amps::read_samples(arguments.operand(1), watch.part(0.05, 0.1));
+  options.neighborhood =
+      neighborhood_of(arguments, before.dimensions.empty() ? amps::Neighborhood::kSpace : amps::Neighborhood::kSurface);
+  const bool balls = options.neighborhood == amps::Neighborhood::kSpace;
+
+  ForeignSet foreign;
+  amps::MaximalityReport was;
+  if (!from_nothing) {
+    foreign = look_at_set(mesh, before, watch.part(0.1, 0.2));
+    was = amps::verify_maximal(mesh, before, watch.part(0.2, 0.35), options.conflict_rule, options.neighborhood);
+  }
+  options.execution = watch.part(0.35, 0.75);
+  amps::SamplingResult result = from_nothing ? amps::sample(mesh, options) : amps::fill_gaps(mesh, before, options);
+  watch.check(result.status);
+  const amps::SampleSet filled = as_written(std::move(result.samples), before);
+  const amps::MaximalityReport is =
+      amps::verify_maximal(mesh, filled, watch.part(0.75, kWorked), options.conflict_rule, options.neighborhood);
+  const amps::SampleSet added = samples_from(filled, before.size());
+  amps::write_samples(arguments.operand(2), filled, watch.part(kWorked, 1));
+  const bool writes_added = arguments.has("--added") && added.size() > 0;
+  if (writes_added) amps::write_samples(arguments.text("--added"), added);
+  watch.finish();
+
+  Json json = begin_json("fill");
+  json.add("samples_before", before.size()).add("samples", filled.size()).add("added", added.size());
+  add_radii(json, filled);
+  add_foreign(json, foreign);
+  if (!from_nothing) {
+    json.open("before");
+    add_maximality(json, was);
+    json.close();
+  }
+  add_maximality(json, is);
+  write_json(arguments, json);
+
+  const Table table(arguments.quiet());
+  table.row("", "before", "after");
+  table.row("samples", number(before.size()), number(filled.size()));
+  table.row("gaps", from_nothing ? "" : number(was.gaps), number(is.gaps));
+  if (!from_nothing) table.row("worst coverage", format("%.6f r", was.worst_coverage), format("%.6f r", is.worst_coverage));
+  table.row("added", number(added.size()) + (before.size() == 0  ? ""
+                                             : added.size() == 0 ? ", the set was maximal"
+                                                                 : ", after the others, which stay as they are"));
+  if (arguments.has("--added")) {
+    table.row("new samples",
+              writes_added ? "in " + arguments.text("--added") : "none, " + arguments.text("--added") + " is not written");
+  }
+  print_foreign(table, foreign, balls);
+  print_radii(table, filled);
+  table.row("maximal", is.maximal() ? "yes" : "no");
+  table.row("Poisson-disk", is.poisson_disk() ? "yes" : "no, samples given are nearer than their radii");
+  print_maximality(table, is);
+  print_unfilled(table, result.report);
+  return is.maximal() ? kExitDone : kExitGaps;
+}
+
+int run_quality(const Arguments& arguments) {
+  const double radius = arguments.positive("--radius");
+  if (radius > 0 && arguments.has("--samples")) throw arguments.error("say either --radius R or --samples FILE, not both");
+  amps::CurveOptions finding = curve_options(arguments);
+  finding.radius = radius;
+  finding.creases = finding.creases && arguments.has("--features");
+  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  if (arguments.has("--png")) require_picture_output(arguments, arguments.text("--png"));
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.2));
+  std::vector<double> radii;
+  if (radius > 0) radii.push_back(radius);
+  if (arguments.has("--samples")) {
+    radii = amps::read_samples(arguments.text("--samples"), watch.part(0.2, 0.3)).radii;
+    if (static_cast<std::ptrdiff_t>(radii.size()) != mesh.vertices.rows()) {
+      throw arguments.error(std::to_string(radii.size()) + " samples in " + arguments.text("--samples") + " for " +
+                            std::to_string(mesh.vertices.rows()) +
+                            " vertices: take the set that 'amps remesh --samples' wrote beside this mesh");
+    }
+  }
+  const bool marked = !arguments.has("--features") && amps::mesh_format(arguments.operand(0)) == amps::MeshFormat::kObj;
+  std::vector<std::array<amps::Index, 2>> curves;
+  if (marked) curves = amps::read_mesh_marks(arguments.operand(0), watch.part(0.3, 0.4)).edges;
+  finding.execution = watch.part(0.4, 0.6);
+  if (curves.empty()) curves = edges_of(amps::find_curves(mesh, finding));
+  const MeasuredQuality measured = measure_quality(mesh, curves, radii, watch.part(0.6, kWorked));
+  std::string png;
+  if (arguments.has("--png")) png = render::encode_png(histograms_of(measured.all), watch.part(kWorked, 1));
+  watch.finish();
+
+  if (arguments.has("--png")) write_file(arguments.text("--png"), png);
+  Json json = begin_json("quality");
+  add_measured(json, measured);
+  write_json(arguments, json);
+  print_measured(Table(arguments.quiet()), measured);
+  return kExitDone;
+}
+
 int run_info(const Arguments& arguments) {
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
   const bool compare = arguments.has("--reference");
@@ -619,6 +731,37 @@ const std::vector<Command>& commands() {
         kThreads,
         kJson},
        run_gaps},
+      {"fill",
+       "IN SAMPLES OUT",
+       "make a set of disks maximal, wherever it comes from",
+       "SAMPLES is a sample set on the mesh IN (.xyzr .ply .csv), made by amps or by anything else; or none. OUT is the same "
+       "set,\n"
+       "bit by bit and in its order, and after it the samples that were missing. Samples off the surface and samples too "
+       "close\n"
+       "are told, and stay. Exit code 3: gaps are left, which hold no double.",
+       {{"--radius", "R", "of new samples (default: the least in SAMPLES, which it must not exceed where disks are balls)"},
+        {"--added", "FILE", "write the new samples alone, too ('amps render --added' draws them in red)"},
+        {"--neighborhood", "KIND", "space or surface: disks are balls, or sheets do not see each other's disks"},
+        kSeed,
+        kThreads,
+        kJson},
+       run_fill},
+      {"quality",
+       "IN",
+       "say how good the triangles of a mesh are",
+       "IN is a mesh (.obj .off .ply .stl). Angles and valences as histograms; the columns of the paper's tables: angles, Q,\n"
+       "% of triangles below 30 and above 90 degrees, v567; and, with a radius or radii, edges and areas over what they can "
+       "be\n"
+       "in the dual of a maximal set (|e'_max| and |t'_max| at most 1, |t'_min| at least 1, where there is one radius).\n"
+       "Triangles beside curves are told apart: lines (l) of IN if it has some, else borders, or with --features what is "
+       "found.",
+       {{"--radius", "R", "the radius that IN was made with"},
+        {"--samples", "FILE", "one sample a vertex, as 'amps remesh --samples' writes them, for radii that vary"},
+        {"--features", "ANGLE", "curves are borders and creases of more than so many degrees"},
+        {"--png", "FILE", "draw the histograms"},
+        kThreads,
+        kJson},
+       run_quality},
       {"spectrum",
        "IN SAMPLES...",
        "say how random, even and isotropic sets of samples are",

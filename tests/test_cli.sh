@@ -45,7 +45,7 @@ number() {
 echo "-- help"
 run 0 --help
 run 0 --version
-for command in sample remesh curves gaps spectrum info make render; do
+for command in sample remesh curves gaps fill quality spectrum info make render; do
   run 0 "$command" --help
   grep -q "^usage: amps $command " log/out || fail "help of $command has no synopsis"
   # shellcheck disable=SC2013  # options are words
@@ -121,6 +121,67 @@ for extension in ply csv; do
   run 0 sample torus.obj set.$extension --radius 0.1 --seed 3
   run 0 gaps torus.obj set.$extension
 done
+
+echo "-- sets that come from elsewhere, filled"
+run 0 fill torus.obj holes.xyzr filled.xyzr --added added.xyzr --json fill.json --threads 1
+before=$(wc -l <holes.xyzr)
+head -n "$before" filled.xyzr | cmp - holes.xyzr || fail "samples that were there have changed"
+tail -n +"$((before + 1))" filled.xyzr | cmp - added.xyzr || fail "--added are not the new ones"
+[ "$(number added fill.json)" -eq "$(wc -l <added.xyzr)" ] || fail "added: $(number added fill.json)"
+run 0 gaps torus.obj filled.xyzr
+run 0 fill torus.obj holes.xyzr filled_2.xyzr --threads 2 --quiet
+cmp filled.xyzr filled_2.xyzr || fail "filling depends on the threads"
+run 0 fill torus.obj filled.xyzr again.xyzr --added nothing_added.xyzr
+cmp filled.xyzr again.xyzr || fail "filling a maximal set changes it"
+[ ! -e nothing_added.xyzr ] || fail "a file of no samples"
+! grep -q '^off the surface\|^too close' log/out || fail "trouble with a good set: $(cat log/out)"
+for extension in ply csv; do  # with facets, and a set of remesh, which knows what of the surface its samples are on
+  run 0 fill torus.obj set.$extension facets.$extension
+  cmp set.$extension facets.$extension || fail "a maximal $extension set changes"
+done
+run 0 make cube brick.obj --n 300
+run 0 remesh brick.obj box_out.obj --radius 0.2 --samples box_set.csv --quiet
+awk 'NR == 1 || NR % 9 != 0' box_set.csv >box_holes.csv
+run 0 fill brick.obj box_holes.csv box_filled.csv
+head -n "$(wc -l <box_holes.csv)" box_filled.csv | cmp - box_holes.csv || fail "samples of remesh have changed"
+run 0 gaps brick.obj box_filled.csv
+for nothing in none nothing_at_all.xyzr only_names.csv; do
+  : >nothing_at_all.xyzr
+  echo x,y,z,radius >only_names.csv
+  run 0 fill torus.obj $nothing from_nothing.xyzr --radius 0.1
+  run 0 gaps torus.obj from_nothing.xyzr
+  bad "say --radius" fill torus.obj $nothing no.xyzr
+done
+# One sample over the torus and one twice: told, kept, and the surface is covered all the same.
+{ cat holes.xyzr; echo "0 0 5 0.1"; head -n 1 holes.xyzr; } >odd.xyzr
+run 0 fill torus.obj odd.xyzr odd_filled.xyzr --json odd.json
+grep -q '^off the surface *1 samples' log/out || fail "a sample off the surface is hidden: $(cat log/out)"
+grep -q '^beside it *1 samples' log/out || fail "a disk beside the surface is hidden: $(cat log/out)"
+grep -q '^too close *1 pairs' log/out || fail "samples too close are hidden: $(cat log/out)"
+grep -q '^Poisson-disk *no' log/out || fail "a set with a sample twice is no Poisson-disk set: $(cat log/out)"
+head -n "$(wc -l <odd.xyzr)" odd_filled.xyzr | cmp - odd.xyzr || fail "odd samples have changed"
+bad "use at most" fill torus.obj holes.xyzr no.xyzr --radius 0.2
+bad "missing.xyzr" fill torus.obj missing.xyzr no.xyzr
+bad "written already" fill torus.obj holes.xyzr no.xyzr --added no.xyzr
+
+echo "-- quality"
+run 0 remesh torus.obj q.obj --radius 0.1 --samples q.ply --json q_remesh.json --quiet
+run 0 quality q.obj --samples q.ply --json q.json --png q.png
+grep -q "^|t'_min|" log/out || fail "no |t'_min|: $(cat log/out)"
+awk 'length($0) > 80 { exit 1 }' log/out || fail "a table wider than 80 columns"
+for key in mean_min_angle min_q mean_q percent_below_30 percent_valence_5_6_7; do
+  [ "$(number $key q.json)" = "$(number $key q_remesh.json)" ] || fail "$key: $(number $key q.json), not $(number $key q_remesh.json)"
+done
+awk -v e="$(number e_max q.json)" -v t="$(number t_max q.json)" -v low="$(number t_min q.json)" \
+  'BEGIN { exit !(e > 0.9 && e <= 1 + 1e-9 && t > 0.5 && t <= 1 + 1e-9 && low >= 1 - 1e-9 && low < 1.2) }' || fail "bounds: $(cat q.json)"
+run 0 quality square.obj --json square.json --radius 1  # the grid's right triangles
+awk -v q="$(number mean_q square.json)" 'BEGIN { exit !(q > 0.7174 && q < 0.7175) }' || fail "Q of right triangles: $(number mean_q square.json)"
+grep -q '"beside_curves"' square.json || fail "triangles at the border of a square are not told apart"
+run 0 quality brick.obj --features 30
+grep -q '^beside curves' log/out || fail "creases of a box are not told apart: $(cat log/out)"
+bad "not both" quality q.obj --samples q.ply --radius 1
+bad "samples in" quality torus.obj --samples q.ply
+bad "png" quality torus.obj --png no.jpg
 
 echo "-- spectra"
 for seed in 1 2 3 4; do
