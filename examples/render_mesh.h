@@ -41,7 +41,8 @@ struct Options {
   double zoom = 1;            ///< so many times larger than what fits the picture, about its middle
   /// Pairs of vertices, joined by thick lines where they are seen.
   std::vector<std::array<amps::Index, 2>> curves = {};
-  Paint paint = {};  ///< empty: blue outside, red inside
+  double curve_width = 0;  ///< pixels; 0: thick, by the size of the picture
+  Paint paint = {};        ///< empty: blue outside, red inside
   /// By facet, which of its edges are drawn: bit e stands for that from corner e to e + 1 (mod 3). Empty: all.
   std::vector<std::uint8_t> edges_of = {};
   double spacing = 0;  ///< of the lines that edges are, in units of the mesh: fine ones fade. 0: the median length of an edge
@@ -190,7 +191,8 @@ inline View look_at(const amps::MeshView& mesh, const Options& options) {
     }
   }
   view.dot_radius = kSupersampling * (options.dot_radius > 0 ? options.dot_radius : usual_dot(options));
-  view.curve_half_width = kSupersampling * std::max(kLeastCurveHalfWidth, kCurveHalfWidth * options.size);
+  const double usual_half_width = std::max(kLeastCurveHalfWidth, kCurveHalfWidth * options.size);
+  view.curve_half_width = kSupersampling * (options.curve_width > 0 ? options.curve_width / 2 : usual_half_width);
   amps::Points normals = amps::facet_normals(mesh);
   if (options.smooth) normals = vertex_normals(mesh, normals);
   view.normals = normals.map() * axes.transpose();

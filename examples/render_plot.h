@@ -255,6 +255,7 @@ struct Plot {
   std::vector<Series> series;
   int width = 900, height = 560;
   bool log_y = false;
+  bool legend_left = false;  ///< not at the right, where curves may end high
   /// Ends of the axes; equal: those of the data, and round.
   double x_min = 0, x_max = 0, y_min = 0, y_max = 0;
 };
@@ -298,7 +299,7 @@ inline Axis axis_of(double low, double high, bool given, double wanted) {
 
 inline Image draw(const Plot& plot) {
   constexpr double kLetter = 11, kTitle = 14, kXTicks = 8, kYTicks = 6;
-  constexpr double kLeft = 84, kRight = 26, kTop = 46, kBottom = 62;
+  constexpr double kLeft = 96, kRight = 26, kTop = 46, kBottom = 62;
   const auto height_of = [&](double y) { return plot.log_y ? std::log10(y) : y; };
   const auto shown = [&](double x, double y) {
     return std::isfinite(x) && std::isfinite(y) && (!plot.log_y || y > 0) &&
@@ -360,10 +361,17 @@ inline Image draw(const Plot& plot) {
     }
     if (s.name.empty()) continue;
     const double row = kTop + 18 + 1.9 * kLetter * static_cast<double>(k);
-    const double from = kLeft + width - 12 - Canvas::text_width(s.name, kLetter);
+    const double from = plot.legend_left ? kLeft + 54 : kLeft + width - 12 - Canvas::text_width(s.name, kLetter);
     canvas.line(from - 40, row - kLetter / 2, from - 12, row - kLetter / 2, 3, series_color(k));
     canvas.text(from, row, s.name, kLetter);
   }
+  return canvas.image();
+}
+
+/// Rows [from, to) of a picture.
+inline Image rows_of(const Image& image, int from, int to) {
+  Canvas canvas(image.width, to - from);
+  canvas.paste(image, 0, -from);
   return canvas.image();
 }
 
