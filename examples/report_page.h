@@ -38,7 +38,7 @@ class Page {
   /// The first column is names; rows that begin with `other` are set apart.
   void table(const std::vector<std::string>& head, const std::vector<std::vector<std::string>>& rows,
              const std::string& other) {
-    html_ += "<table><tr>";
+    html_ += "<div class=\"wide\"><table><tr>";
     std::string rule = "|";
     markdown_ += "|";
     for (const std::string& cell : head) {
@@ -52,13 +52,15 @@ class Page {
       html_ += row.front().rfind(other, 0) == 0 ? "<tr class=\"other\">" : "<tr>";
       markdown_ += "|";
       for (const std::string& cell : row) {
-        html_ += "<td>" + escaped(cell) + "</td>";
+        const std::size_t range = &cell == &row.front() ? std::string::npos : cell.find(" (");  // on a line of its own
+        html_ += "<td>" + escaped(cell.substr(0, range)) +
+                 (range == std::string::npos ? "" : "<br><small>" + escaped(cell.substr(range + 1)) + "</small>") + "</td>";
         markdown_ += " " + in_cell(cell) + " |";
       }
       html_ += "</tr>\n";
       markdown_ += "\n";
     }
-    html_ += "</table>\n";
+    html_ += "</table></div>\n";
     markdown_ += "\n";
   }
   void picture(const std::string& name, const render::Image& image, const std::string& caption) {
@@ -75,8 +77,9 @@ class Page {
         "</title>\n<meta name=\"viewport\" content=\"width=device-width\">\n<style>\n"
         "body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}\n"
         "table{border-collapse:collapse;font-size:.85rem;margin:1rem 0}th,td{padding:.25rem .6rem;text-align:right;"
-        "border-bottom:1px solid #ddd;white-space:nowrap}th:first-child,td:first-child{text-align:left}\n"
-        "tr.other td{color:#555;background:#f4f4f6}figure{margin:1.5rem 0}img{max-width:100%;height:auto}\n"
+        "border-bottom:1px solid #ddd;vertical-align:top}th:first-child,td:first-child{text-align:left}\n"
+        ".wide{overflow-x:auto}tr.other td{color:#555;background:#f4f4f6}figure{margin:1.5rem "
+        "0}img{max-width:100%;height:auto}\n"
         "figcaption{color:#444}\n</style></head><body>\n";
     write(directory_ / "index.html", head + html_ + "</body></html>\n");
     write(directory_ / "index.md", markdown_);
