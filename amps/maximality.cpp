@@ -166,13 +166,17 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
     const auto polygon = diagram.polygon(f);
     if (polygon.site == kNone) {
       report.worst_coverage = INFINITY;
+      report.worst_point = polygon.corners[0];
       ++report.gaps;
       report.gap_area += polygon.area();
       continue;
     }
     const WeightedPoint& site = diagram.site(polygon.site);
     for (Index k = 0; k < polygon.size; ++k) {
-      report.worst_coverage = std::max(report.worst_coverage, (polygon.corners[k] - site.position()).squaredNorm() / site.w);
+      const double coverage = (polygon.corners[k] - site.position()).squaredNorm() / site.w;
+      if (!(coverage > report.worst_coverage)) continue;
+      report.worst_coverage = coverage;
+      report.worst_point = polygon.corners[k];
     }
     if (diagram.covered(polygon)) continue;
     ++report.gaps;

@@ -21,8 +21,9 @@ namespace amps {
 
 /// Certificate of a sample set, computed from a fresh restricted power diagram.
 struct MaximalityReport {
-  bool measured = false;      ///< false: nothing is known, as in the report of what was cancelled; it is neither, then
-  double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r, to rounding; maximal: at most 1
+  bool measured = false;            ///< false: nothing is known, as in the report of what was cancelled; it is neither, then
+  double worst_coverage = 0;        ///< max over the surface of (distance to the owner)/r, to rounding; maximal: at most 1
+  Vec3 worst_point = Vec3::Zero();  ///< where that is; of several places any. Of a facet that no disk reaches, a corner
   double worst_separation = 0;  ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample.
                                 ///< With ConflictRule::kMin: of |p_i − p_j|/min(r_i, r_j). Over disks that know their surface:
                                 ///< of |p_i − p_j|/r_i for p_j in disk i; if there is none, of neighbours that i reaches

@@ -333,6 +333,10 @@ int run_gaps(const Arguments& arguments) {
   table.row("maximal", report.maximal() ? "yes" : "no");
   table.row("Poisson-disk", report.poisson_disk() ? "yes" : "no");
   print_maximality(table, report);
+  if (std::isfinite(report.worst_coverage)) {
+    const amps::Vec3& x = report.worst_point;
+    table.row("  which is at", format("%.6g %.6g %.6g", x.x(), x.y(), x.z()));
+  }
   table.row("gaps", number(report.gaps));
   table.row("area of gaps", format("%.6g   (%.3g %% of the surface)", report.gap_area, 100 * report.gap_area / area));
   if (arguments.operands() > 2) {
@@ -623,13 +627,18 @@ int run_spectrum(const Arguments& arguments) {
   for (const char* name : {"--csv", "--json"}) {
     if (arguments.has(name)) require_writable(arguments, arguments.text(name));
   }
-  if (arguments.has("--png")) require_picture_output(arguments, arguments.text("--png"));
+  for (const char* name : {"--png", "--plot"}) {
+    if (arguments.has(name)) require_picture_output(arguments, arguments.text(name));
+  }
+  if (arguments.has("--png")) require_distinct(arguments, arguments.text("--png"), {"--plot"});
   Watch watch(arguments.quiet(), threads_of(arguments));
   const MeasuredSpectrum measured = measure_spectrum(arguments, request, watch);
-  std::string png;
-  if (arguments.has("--png")) png = render::encode_png(picture_of(measured), watch.part(kWorked, 1));
+  std::string png, plot;
+  if (arguments.has("--png")) png = render::encode_png(picture_of(measured), watch.part(kWorked, 0.99));
+  if (arguments.has("--plot")) plot = render::encode_png(plot_of(measured), watch.part(0.99, 1));
   watch.finish();
 
+  if (arguments.has("--plot")) write_file(arguments.text("--plot"), plot);
   if (arguments.has("--csv")) write_file(arguments.text("--csv"), csv_of(measured));
   if (arguments.has("--png")) write_file(arguments.text("--png"), png);
   Json json = begin_json("spectrum");
@@ -771,6 +780,7 @@ const std::vector<Command>& commands() {
        "oscillation. On any other mesh, it is the density of differences between samples, in radii along the surface.",
        {{"--csv", "FILE", "write radial mean and anisotropy as curves"},
         {"--png", "FILE", "draw power by frequency, or density of differences: black 0, grey 1, white 2 or more"},
+        {"--plot", "FILE", "draw radial mean and anisotropy as curves"},
         {"--border", "HOW", "window (default): the square is a part of something; periodic: it goes on as itself"},
         {"--max-frequency", "F", "periods a side, 4 to 8192 (default: 4 times the root of the number of samples)"},
         {"--differences", nullptr, "differences in any case"},

@@ -6,6 +6,7 @@
 #include "cli_files.h"
 #include "cli_output.h"
 #include "cli_watch.h"
+#include "render_plot.h"
 #include "render_png.h"
 
 #include <algorithm>
@@ -134,6 +135,27 @@ inline render::Image picture_of(const MeasuredSpectrum& measured) {
     for (amps::Index u = m - hidden; u <= m + hidden; ++u) power[static_cast<std::size_t>(v * side + u)] = 0;
   }
   return picture_of(power, side);
+}
+
+/// Radial mean and anisotropy as curves, one above the other.
+inline render::Image plot_of(const MeasuredSpectrum& measured) {
+  const amps::SpectrumReport& plane = measured.plane;
+  const amps::DifferentialReport& surface = measured.surface;
+  render::Series mean, directions;
+  if (measured.in_plane) {
+    for (const amps::Index ring : plane.rings) mean.x.push_back(ring / std::sqrt(plane.mean_points));
+  } else {
+    mean.x = surface.distances;
+  }
+  directions.x = mean.x;
+  mean.y = measured.in_plane ? plane.radial_mean : surface.radial_mean;
+  directions.y = measured.in_plane ? plane.anisotropy : surface.anisotropy;
+  const char* const across = measured.in_plane ? "frequency / sqrt(n)" : "distance / r";
+  render::Plot upper{
+      "Radial mean", across, measured.in_plane ? "power (white noise: 1)" : "pair correlation (no order: 1)", {mean}};
+  render::Plot lower{"Anisotropy", across, "dB", {directions}};
+  lower.height = 360;
+  return render::sheet({{render::draw(upper), ""}, {render::draw(lower), ""}}, 1);
 }
 
 inline std::string csv_of(const MeasuredSpectrum& measured) {

@@ -114,6 +114,7 @@ grep -q '^maximal *yes' log/out || fail "gaps does not say that the set is maxim
 awk 'NR % 10 != 0' set.xyzr >holes.xyzr
 run 3 gaps torus.obj holes.xyzr primitives.obj --json gaps.json
 grep -q '^maximal *no' log/out || fail "gaps does not say that the set is not maximal"
+grep -q '^ *which is at *-*[0-9]' log/out || fail "gaps does not say where coverage is worst"
 [ "$(number gaps gaps.json)" -gt 0 ] || fail "no gaps counted"
 awk -v area="$(number gap_area gaps.json)" 'BEGIN { exit !(area > 0) }' || fail "no area of gaps"
 run 0 info primitives.obj
@@ -198,6 +199,10 @@ run 0 spectrum square.obj square_?.xyzr --csv power_2.csv --png power_2.png --th
 [ ! -s log/out ] || fail "--quiet prints"
 cmp power.csv power_2.csv || fail "the power depends on the threads"
 cmp power.png power_2.png || fail "the picture of the power depends on the threads"
+run 0 spectrum square.obj square_?.xyzr --plot plot.png --quiet
+[ "$(head -c 4 plot.png | tail -c 3)" = PNG ] || fail "plot.png is no PNG"
+run 0 spectrum torus.obj set.xyzr --plot plot_2.png --quiet
+! cmp -s plot.png plot_2.png || fail "two spectra, one plot"
 run 0 spectrum square.obj square_1.xyzr --border periodic --max-frequency 20 --csv periodic.csv
 [ "$(wc -l <periodic.csv)" -eq 21 ] || fail "not 20 rings"
 run 0 spectrum torus.obj set.xyzr --csv differences.csv --png differences.png --json differences.json
@@ -213,6 +218,8 @@ bad "say --differences" spectrum square.obj square_1.xyzr --range 3
 bad "window or periodic" spectrum square.obj square_1.xyzr --border round
 bad "missing.xyzr" spectrum square.obj square_1.xyzr missing.xyzr
 bad "png" spectrum square.obj square_1.xyzr --png no.jpg
+bad "png" spectrum square.obj square_1.xyzr --plot no.jpg
+bad "written already" spectrum square.obj square_1.xyzr --png no.png --plot no.png
 bad "nowhere" spectrum square.obj square_1.xyzr --csv nowhere/no.csv
 
 echo "-- remeshing"
