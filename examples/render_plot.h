@@ -375,22 +375,30 @@ inline Image rows_of(const Image& image, int from, int to) {
   return canvas.image();
 }
 
-/// Pictures in rows of `columns`, each with its caption below; all places are as large as the largest picture.
+/// Pictures in rows of `columns`, each with its caption below, if it has one; columns are as wide as the widest picture, rows
+/// as high as their highest.
 inline Image sheet(const std::vector<std::pair<Image, std::string>>& pictures, int columns) {
-  constexpr int kCaption = 34;
+  constexpr int kCaption = 34, kBaseLine = 24;
   constexpr double kLetter = 12;
+  const int count = static_cast<int>(pictures.size());
   int width = 0, height = 0;
-  for (const auto& [image, caption] : pictures) {
-    width = std::max(width, image.width);
-    height = std::max(height, image.height);
+  std::vector<int> tops;  // of rows
+  for (int first = 0; first < count; first += columns) {
+    tops.push_back(height);
+    int highest = 0;
+    for (int i = first; i < std::min(count, first + columns); ++i) {
+      const auto& [image, caption] = pictures[static_cast<std::size_t>(i)];
+      width = std::max(width, image.width);
+      highest = std::max(highest, image.height + (caption.empty() ? 0 : kCaption));
+    }
+    height += highest;
   }
-  const int count = static_cast<int>(pictures.size()), rows = (count + columns - 1) / columns;
-  Canvas canvas(std::min(columns, count) * width, rows * (height + kCaption));
+  Canvas canvas(std::min(columns, count) * width, height);
   for (int i = 0; i < count; ++i) {
     const auto& [image, caption] = pictures[static_cast<std::size_t>(i)];
-    const int x = i % columns * width, y = i / columns * (height + kCaption);
+    const int x = i % columns * width, y = tops[static_cast<std::size_t>(i / columns)];
     canvas.paste(image, x, y);
-    canvas.text(x + (width - Canvas::text_width(caption, kLetter)) / 2, y + height + 24, caption, kLetter);
+    canvas.text(x + (width - Canvas::text_width(caption, kLetter)) / 2, y + image.height + kBaseLine, caption, kLetter);
   }
   return canvas.image();
 }
