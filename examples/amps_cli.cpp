@@ -3,8 +3,9 @@
 //   amps remesh bunny.obj out.obj --vertices 12000
 //
 // Read from the bottom: main() finds the command, parses its options and runs it. A command reads, works, writes and prints a
-// table, in that order. Exit codes: 0 done, 2 bad input or usage (one line on stderr says what to do), 3 `gaps` found some, 4
-// `remesh` has lost something of the shape (all files are written, one line on stderr says what is lost), 130 interrupted.
+// table, in that order. Exit codes: 0 done, 2 bad input or usage (one line on stderr says what to do), 3 `gaps` found some or
+// `fill` left some, 4 `remesh` has lost something of the shape (all files are written, one line on stderr says what is lost),
+// 130 interrupted.
 
 #include "amps/amps.h"
 #include "cli_arguments.h"
@@ -312,8 +313,9 @@ int run_gaps(const Arguments& arguments) {
   // Sets that say what of the surface their samples are on are those of remesh.
   const amps::Neighborhood neighborhood =
       neighborhood_of(arguments, samples.dimensions.empty() ? amps::Neighborhood::kSpace : amps::Neighborhood::kSurface);
+  const ForeignSet foreign = look_at_set(mesh, samples, watch.part(0.1, 0.2));
   const amps::MaximalityReport report =
-      amps::verify_maximal(mesh, samples, watch.part(0.1, 0.5), amps::ConflictRule::kMax, neighborhood);
+      amps::verify_maximal(mesh, samples, watch.part(0.2, 0.5), amps::ConflictRule::kMax, neighborhood);
   const double area = amps::total_area(mesh, watch.part(0.5, 0.51));
   if (arguments.operands() > 2 && report.gaps > 0) {
     const amps::GapSet gaps = amps::find_gaps(mesh, samples, watch.part(0.51, kWorked), neighborhood);
@@ -324,11 +326,13 @@ int run_gaps(const Arguments& arguments) {
   Json json = begin_json("gaps");
   json.add("samples", samples.size()).add("surface_area", area);
   add_radii(json, samples);
+  add_foreign(json, foreign);
   add_maximality(json, report);
   write_json(arguments, json);
 
   const Table table(arguments.quiet());
   table.row("samples", number(samples.size()));
+  print_foreign(table, foreign, neighborhood == amps::Neighborhood::kSpace);
   print_radii(table, samples);
   table.row("maximal", report.maximal() ? "yes" : "no");
   table.row("Poisson-disk", report.poisson_disk() ? "yes" : "no");
@@ -844,7 +848,8 @@ void print_help() {
   }
   std::printf("\n'amps COMMAND --help' tells the options of a command, 'amps --version' the version.\n");
   std::printf(
-      "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape or missed --error, 130 "
+      "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some or 'fill' left some, 4 'remesh' lost some of the shape or "
+      "missed --error, 130 "
       "interrupted.\n");
 }
 

@@ -106,14 +106,14 @@ inline amps::SampleSet samples_from(const amps::SampleSet& samples, amps::Index 
   return rest;
 }
 
+/// `balls`: disks are balls; else samples may be as near in space as their sheets are.
 inline void print_foreign(const Table& table, const ForeignSet& set, bool balls) {
   if (set.off_surface > 0) {
     table.row("off the surface", number(set.off_surface) + format(" samples, by up to %.3g r", set.farthest));
   }
   if (set.beside_it > 0) table.row("beside it", number(set.beside_it) + " samples, whose disks hold nothing of it");
-  if (set.close_pairs > 0) {
-    table.row("too close", number(set.close_pairs) + " pairs of samples, nearer than the greater of their radii" +
-                               (balls ? "" : " (in space)"));
+  if (balls && set.close_pairs > 0) {
+    table.row("too close", number(set.close_pairs) + " pairs of samples, nearer than the greater of their radii");
   }
 }
 

@@ -161,6 +161,9 @@ grep -q '^beside it *1 samples' log/out || fail "a disk beside the surface is hi
 grep -q '^too close *1 pairs' log/out || fail "samples too close are hidden: $(cat log/out)"
 grep -q '^Poisson-disk *no' log/out || fail "a set with a sample twice is no Poisson-disk set: $(cat log/out)"
 head -n "$(wc -l <odd.xyzr)" odd_filled.xyzr | cmp - odd.xyzr || fail "odd samples have changed"
+run 3 gaps torus.obj odd.xyzr
+grep -q '^off the surface *1 samples' log/out || fail "gaps hides a sample off the surface: $(cat log/out)"
+grep -q '^too close *1 pairs' log/out || fail "gaps hides samples too close: $(cat log/out)"
 bad "use at most" fill torus.obj holes.xyzr no.xyzr --radius 0.2
 bad "missing.xyzr" fill torus.obj missing.xyzr no.xyzr
 bad "written already" fill torus.obj holes.xyzr no.xyzr --added no.xyzr
@@ -594,6 +597,7 @@ if command -v timeout >log/which 2>&1; then
   echo "as it was" >stopped.obj  # one that is there, others that are not
   interrupted remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
   interrupted sample big.obj new.xyzr --sizing lfs --rmin 0.0005 --json new.json
+  interrupted fill big.obj none new.xyzr --radius 0.0025 --added new.csv --json new.json
   interrupted info big.obj --reference torus.obj --json new.json
   interrupted render torus.obj new.png --size 8192
   interrupted spectrum square.obj square_?.xyzr --max-frequency 8192 --csv new.csv --png new.png
