@@ -4,14 +4,12 @@
 #include "amps/amps.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <chrono>
 #include <cstdarg>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <functional>
 #include <string>

@@ -31,27 +31,27 @@ namespace {
 void what_was_guessed(const Run& run, Page& page) {
   page.heading("What is known and what was guessed");
   page.list({
-      "The paper's numbers here are those that the notes of this project hold; a dash stands where they hold none.",
-      "Figure 1 follows the paper's caption. Figures 2 to 4 show what its text is about (gaps and their primitives, cells and "
-      "dual, "
-      "valences and angles), not the same pictures.",
-      "Scale of the models: the paper does not say it. Where it gives a radius (4.5e-3 on shapes of known area), it is taken "
-      "as it is; "
-      "elsewhere radii follow from its number of vertices, so that no scale is needed.",
-      format("Figure 7: r = .012 of the paper has no meaning without the scale of its model; r is such that a maximal set has "
-             "about 4,560 "
-             "samples, by %.4f area / r^2.",
+      "The paper's numbers here are those that the notes of this project hold; a dash stands where they hold none. Its text "
+      "was not at hand.",
+      "Figure 1 follows the paper's caption. Figures 2 to 4 show what the method does (gaps and their primitives, cells and "
+      "dual, valences and angles); they need not be the same pictures.",
+      "Scale of the models: not known. Where a radius is known (4.5e-3 on shapes of known area), it is taken as it is; "
+      "elsewhere "
+      "radii follow from the number of vertices, so that no scale is needed.",
+      format("Figure 7: r = .012 of the paper means nothing without the scale of its model; r is such that a maximal set has "
+             "about 4,560 samples, by %.4f area / r^2.",
              amps::kSamplesPerDensity),
       "Local feature size: r = s lfs, s so that the number of vertices is the paper's; lfs by poles, filtered as sizing.h "
       "says.",
       format("r_max = %g r_min, as in the paper; r_min is raised on the 1 %% of the surface where it is smallest.",
              amps::kDefaultRatio),
-      format("Radii grow by at most %g along the surface, which the paper does not limit: it sets the worst angles of sets as "
-             "sampled.",
+      format("Radii grow by at most %g along the surface: it sets the worst angles of sets as sampled. Whether the paper has "
+             "such a limit is not known.",
              amps::kDefaultGradation),
       "Upper bound of angles where radii vary: 114 degrees, where the paper has 115, so that Q_min reaches its 0.51.",
-      "The bunny is a closed one of 100,000 facets; the paper's is not known. The model of Figure 7 is not known: here it is "
-      "the bunny.",
+      "The bunny is a closed one of 100,000 facets; which one the paper has is not known, nor is the model of its Figure 7: "
+      "here "
+      "it is the bunny.",
       "Columns of Table 1: |e'_max|, |t'_min|, |t'_max| are taken as ratios to the bounds of the theorem, as said there.",
   });
   if (!run.stand_ins.empty()) page.list(run.stand_ins);
