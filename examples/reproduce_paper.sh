@@ -1,20 +1,21 @@
-#!/ bin / sh
-#Builds what it needs and makes the tables and figures of the paper anew : a page, as HTML and as Markdown, with pictures.
+#!/bin/sh
+# Builds what it needs and makes the tables and figures of the paper anew: a page, as HTML and as Markdown, with pictures.
 #
-#examples / reproduce_paper.sh[--seeds N][--data DIRECTORY][--out DIRECTORY]
+#   examples/reproduce_paper.sh [--seeds N] [--data DIRECTORY] [--out DIRECTORY]
 #
-#Medians over N seeds(default 5).DIRECTORY of models : bunny_100kf_closed.obj and triceratops.off are looked for there(default:
-#../ shared / data beside the project, if it is there); \
-    nothing is downloaded, and where a model is missing a shape made by amps stands
-#in and the page says so.The page goes to build / paper / index.html.Takes under five minutes on two cores, once built.
-set - eu
+# Medians over N seeds (default 5). DIRECTORY of models: bunny_100kf_closed.obj and triceratops.off are looked for there (default:
+# ../shared/data beside the project, if it is there); nothing is downloaded, and where a model is missing a shape made by amps stands
+# in and the page says so. The page goes to build/paper/index.html. Takes under five minutes on two cores, once built.
+set -eu
 
-          here = $(CDPATH ='' cd-- "$(dirname -- " $0 ")" && pwd) source = $(dirname-- "$here") build =
-    $source / build / examples seeds = 5 data = $source /../ shared / data out = $source / build /
-                                                                                 paper
+here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
+source=$(dirname -- "$here")
+build=$source/build/examples
+seeds=5
+data=$source/../shared/data
+out=$source/build/paper
 
-                                                                                 while[$ # - gt 0];
-do
+while [ $# -gt 0 ]; do
   case $1 in
     -h | --help) sed -n '2,9s/^# \{0,1\}//p' "$0"; exit 0 ;;
     --seeds | --data | --out)
