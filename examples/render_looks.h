@@ -294,6 +294,7 @@ inline void set_curves(const amps::Mesh& mesh, const std::vector<std::array<amps
 
 /// A legend in the lower left corner: colours and what they say.
 inline Image with_legend(const Image& image, const std::vector<std::pair<Rgb, std::string>>& entries) {
+  if (entries.empty()) return image;
   Canvas canvas(image);
   const double letter = std::max(9.0, image.width / 75.0);
   double y = image.height - letter * (1.9 * static_cast<double>(entries.size()) - 0.6);
