@@ -78,10 +78,11 @@ int reproduce_all(int argc, char** argv) {
   Page page(out);
   const std::string title = "Adaptive maximal Poisson-disk sampling on surfaces, reproduced";
   page.heading(title, 1);
-  page.text(format(
-      "Tables and figures of Yan & Wonka (SIGGRAPH Asia 2012), made by amps %d.%d.%d: medians of %d seeds, the least and the "
-      "greatest in parentheses; the paper's numbers below, in grey.",
-      AMPS_VERSION_MAJOR, AMPS_VERSION_MINOR, AMPS_VERSION_PATCH, static_cast<int>(run.seeds)));
+  page.text(
+      format("Tables and figures of Yan & Wonka (SIGGRAPH Asia 2012), made by amps %d.%d.%d: medians over seeds 1 to %d, the "
+             "least and the "
+             "greatest in parentheses; the paper's numbers below, in grey.",
+             AMPS_VERSION_MAJOR, AMPS_VERSION_MINOR, AMPS_VERSION_PATCH, static_cast<int>(run.seeds)));
   const std::vector<std::pair<const char*, std::function<void()>>> sections = {
       {"Table 1", [&] { table_1(run, page); }},   {"Table 2", [&] { table_2(run, page); }},
       {"Figure 1", [&] { figure_1(run, page); }}, {"Figure 2", [&] { figure_2(run, page); }},

@@ -50,7 +50,7 @@ inline void table_1(Run& run, Page& page) {
   constexpr double kRadius = 4.5e-3;
   page.heading("Table 1: one radius, on a square and a sphere");
   page.text(
-      format("r = 4.5e-3 on the unit square and on a sphere of area 0.863; medians of %d seeds, with the least and the "
+      format("r = 4.5e-3 on the unit square and on a sphere of area 0.863; medians over seeds 1 to %d, with the least and the "
              "greatest. |e'_max| is the longest edge over 2r, |t'_min| the smallest area over that of the equilateral "
              "triangle of edges r, |t'_max| the largest area over that of the equilateral one in a circle of radius r: "
              "for maximal sets they are at most 1, at least 1 and at most 1, by theorem.",
