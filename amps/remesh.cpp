@@ -336,9 +336,10 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
   report.edges_kept = static_cast<Index>(result.curve_edges.size());
 }
 
-/// Samples the surface. Where radii fall without end, an edge is sharp that is not a curve: candidates there become curves. In
-/// the end radii stay as they are, and the topology is another. Cancelled, what was complete by then stays.
-SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, SamplingOptions sampling, SamplingSurface& surface) {
+/// Samples the surface. Where radii fall without end, an edge is sharp that is not a curve: candidates there become curves
+/// (`curves`, `surface`: out as well). In the end radii stay as they are, and the topology is another. Cancelled, what was
+/// complete by then stays.
+SamplingRun sample_preserving(const MeshView& mesh, CurveOptions& curves, SamplingOptions sampling, SamplingSurface& surface) {
   constexpr int kMaxPromotions = 3;
   const Execution execution = sampling.execution;
   const auto cancelled = [](SamplingRun& run) {
@@ -372,12 +373,14 @@ SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, Samplin
       continue;
     }
     curves.edges.insert(curves.edges.end(), sharp.begin(), sharp.end());
-    std::vector<RadiusCap> limits = surface.limits;
-    if (!completes([&] { surface = sampling_surface(mesh, curves, sampling, execution.part(done, done)); })) {
+    SamplingSurface next_surface;
+    if (!completes([&] { next_surface = sampling_surface(mesh, curves, sampling, execution.part(done, done)); })) {
       return cancelled(run);
     }
-    surface.limits = std::move(limits);
-    surface.preserve = true;
+    next_surface.limits = std::move(surface.limits);
+    next_surface.kept = std::move(surface.kept);
+    next_surface.preserve = true;
+    surface = std::move(next_surface);
     keep(run);
   }
 }
@@ -429,20 +432,28 @@ void fit_mesh(const MeshView& mesh, const SamplingSurface& surface, const Sampli
   result.mesh.vertices = fit_vertices(mesh, result.mesh, fit, &result.report.fit);
 }
 
-/// One run of remesh(), with options for the samples to begin with and bounds of radii. `result` (in: cancelled) has
-/// what there is at any time.
-void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling,
-                       const std::vector<RadiusCap>& limits, const Execution& execution, RemeshResult& result) {
+/// What runs of remesh() have in common.
+struct RemeshState {
+  CurveOptions curves;
+  SamplingSurface surface;   ///< with bounds of radii, and samples to begin with
+  bool has_surface = false;  ///< or is made by the next run
+};
+
+/// One run of remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
+void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, RemeshState& state,
+                       const Execution& execution, RemeshResult& result) {
   const RemeshParts parts(mesh, sampling, options);
   sampling.execution = execution.part(0, parts.sampling);
   if (options.optimize) result.report.optimization.status = Outcome::kCancelled;  // until it is done
-  constexpr double kSurfaceShare = 0.05;
-  CurveOptions curves = options.curves;
-  set_curve_radii(mesh, sampling, curves);
-  SamplingSurface surface_of_input = sampling_surface(mesh, curves, sampling, sampling.execution.part(0, kSurfaceShare));
+  SamplingSurface& surface_of_input = state.surface;
+  if (!state.has_surface) {
+    constexpr double kSurfaceShare = 0.05;
+    set_curve_radii(mesh, sampling, state.curves);
+    surface_of_input = sampling_surface(mesh, state.curves, sampling, sampling.execution.part(0, kSurfaceShare));
+    if (surface_of_input.flood != nullptr) sampling.execution = sampling.execution.part(kSurfaceShare, 1);
+    state.has_surface = true;
+  }
   surface_of_input.preserve = surface_of_input.topology != nullptr && options.topology == Topology::kPreserve;
-  surface_of_input.limits = limits;
-  if (surface_of_input.flood != nullptr) sampling.execution = sampling.execution.part(kSurfaceShare, 1);
   if (options.optimize && sampling.target_count > 0) {
     // What optimisation will add, for each sample that it may move.
     const double target = sampling.target_count;
@@ -450,7 +461,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     const double growth = share * expected_growth(options.optimization, is_one_radius(sampling.sizing));
     sampling.target_count = std::max(Index{1}, static_cast<Index>(target / (1 + growth) + 0.5));
   }
-  SamplingRun run = sample_preserving(mesh, curves, sampling, surface_of_input);
+  SamplingRun run = sample_preserving(mesh, state.curves, sampling, surface_of_input);
   result.samples = std::move(run.result.samples);
   result.report.sampling = run.result.report;
   result.graph = surface_of_input.curves;
@@ -527,25 +538,54 @@ std::vector<RadiusCap> caps_at_crossings(const RemeshResult& result, const Execu
 /// Do sheets of the result cross each other, and those of the surface do not?
 bool crosses(const RemeshReport& report) { return report.self_intersections > 0 && report.input_self_intersections == 0; }
 
-/// Measures how far the result is from the surface. Returns bounds of radii where that is too far.
-std::vector<RadiusCap> look_at_error(const MeshView& mesh, double error, const Execution& execution, RemeshResult& result) {
+/// Measures how far the result, which has triangles, is from the surface, with bounds close beside this error.
+void bound_error(const MeshView& mesh, double error, const Execution& execution, RemeshResult& result) {
+  const DistanceReport distance = measure_error(mesh, result.mesh, error, execution);
+  result.report.hausdorff_bound = distance.hausdorff();
+  result.report.hausdorff_lower = distance.hausdorff_lower();
+}
+
+/// Where the result is farther from the surface than `error`. Where it seems not to be, measures how far it is. Returns bounds
+/// of radii where it is too far.
+std::vector<RadiusCap> look_at_error(const MeshView& mesh, double error, ErrorSearch& search, const Execution& execution,
+                                     RemeshResult& result) {
   RemeshReport& report = result.report;
   report.hausdorff_bound = report.hausdorff_lower = std::numeric_limits<double>::infinity();
   if (!(total_area(result.mesh) > 0)) return {};
-  const DistanceReport distance = measure_error(mesh, result.mesh, error, execution.part(0, 0.75, "measuring distances"));
-  report.hausdorff_bound = distance.hausdorff();
-  report.hausdorff_lower = distance.hausdorff_lower();
-  if (report.hausdorff_bound <= error) return {};
-  return error_caps(mesh, result.mesh, result.samples, error, distance, execution.part(0.75, 1));
+  ErrorCaps found = search.look(result.mesh, result.samples, execution.part(0, 0.5));
+  report.hausdorff_lower = found.farthest;
+  if (!(found.farthest > error)) {
+    bound_error(mesh, error, execution.part(0.5, 1), result);
+    if (report.hausdorff_bound <= error) return {};
+  }
+  return std::move(found.caps);
 }
 
-/// Runs with smaller and smaller radii where sheets of the result cross each other, and where it is farther from the surface
-/// than max_error, until neither is so; the best run is kept: of the fewest crossings, then of the least distance. `result`
-/// (in: cancelled) has what there is at any time.
+/// Samples of a result that lie on faces.
+std::vector<FaceSample> samples_on_faces(const SampleSet& samples) {
+  std::vector<FaceSample> kept;
+  for (Index s = 0; s < samples.size(); ++s) {
+    if (samples.dimensions.empty() || samples.dimensions[slot(s)] == 2) kept.push_back({sample_of(samples, s), true});
+  }
+  return kept;
+}
+
+/// Which of two results is better: less of what comes first.
+using Badness = std::tuple<std::int64_t, bool, bool, double>;
+Badness badness(const RemeshResult& result, double error, Index target_count) {
+  const RemeshReport& report = result.report;
+  const bool too_far = error > 0 && !(report.hausdorff_bound <= error);
+  return {crosses(report) ? report.self_intersections : 0, too_far, misses(result.samples.size(), target_count),
+          too_far ? report.hausdorff_lower : report.hausdorff_bound};
+}
+
+/// Further runs where sheets of the result cross each other, and where it is farther from the surface than max_error, until
+/// neither is so: with smaller radii there, and what lies elsewhere is kept. If there are too many samples then, all is sampled
+/// again under these bounds. The best run counts. `result` (in: cancelled) has what there is at any time.
 void remesh_until_right(const MeshView& mesh, RemeshOptions options, SamplingOptions sampling, const Execution& execution,
                         RemeshResult& result) {
-  constexpr int kMaxFurtherRuns = 16;
-  constexpr double kSizingShare = 0.02, kFurtherShare = 0.5;
+  constexpr int kMaxFurtherRuns = 40, kMaxFreshRuns = 4;
+  constexpr double kSizingShare = 0.02, kFurtherShare = 0.3;
   const double error = options.max_error;
   const bool bounded = error > 0;
   // Without a bound one run is enough, mostly.
@@ -555,16 +595,23 @@ void remesh_until_right(const MeshView& mesh, RemeshOptions options, SamplingOpt
     sampling.sizing = error_sizing(mesh, error, execution.part(0, kSizingShare, "finding radii"));
     done = kSizingShare;
   }
-  if (bounded && options.curves.radius == 0 && options.curves.sizing.empty()) {
+  RemeshState state;
+  state.curves = options.curves;
+  if (bounded && state.curves.radius == 0 && state.curves.sizing.empty()) {
     // Cutting off a crease, however short beside the radius, costs a part of its length.
     constexpr double kCreaseSize = 4;
     const double finest = kCreaseSize * error;
-    if (sampling.radius == 0 || finest < sampling.radius) options.curves.radius = finest;
+    if (sampling.radius == 0 || finest < sampling.radius) state.curves.radius = finest;
   }
   const bool uncrosses = options.topology == Topology::kPreserve && sampling.neighborhood == Neighborhood::kSurface;
-  std::vector<RadiusCap> caps;
+  const Index target = sampling.target_count;
+  SamplingOptions samples_of_run = sampling;
   Index most = 0;
   double seconds = 0;
+  double scale = 1;  // of the sizing, by the last run that had the target
+  int fresh_runs = 0;
+  double count_before = 0;  // of the last run with a target
+  std::unique_ptr<ErrorSearch> search;
   for (int run = 0;; ++run) {
     const double next = done + (run == 0 ? first_share : kFurtherShare) * (1 - done);
     const Execution part = execution.part(done, next);
@@ -575,13 +622,14 @@ void remesh_until_right(const MeshView& mesh, RemeshOptions options, SamplingOpt
     std::vector<RadiusCap> more;
     Outcome reached = Outcome::kCancelled;
     const bool complete = completes([&] {
-      sample_and_remesh(mesh, options, sampling, caps, part.part(0, run_share), made);
+      sample_and_remesh(mesh, options, samples_of_run, state, part.part(0, run_share), made);
       reached = std::exchange(made.status, Outcome::kCancelled);  // until it is measured
       if (reached == Outcome::kCancelled) return;
       const Execution looking = part.part(run_share, 1);
       if (bounded) {
         Stopwatch watch;
-        more = look_at_error(mesh, error, looking.part(0, 0.9), made);
+        if (search == nullptr) search = std::make_unique<ErrorSearch>(mesh, error, looking.part(0, 0));
+        more = look_at_error(mesh, error, *search, looking.part(0, 0.9), made);
         made.report.seconds_error = seconds += watch.lap();
       }
       if (!uncrosses || !crosses(made.report)) return;
@@ -595,17 +643,48 @@ void remesh_until_right(const MeshView& mesh, RemeshOptions options, SamplingOpt
     const bool too_far = bounded && !(made.report.hausdorff_bound <= error);
     made.status = too_far ? std::max(reached, Outcome::kErrorMissed) : reached;
     made.report.further_runs = run;
+    if (state.surface.kept.empty()) {
+      count_before = made.samples.size();
+      scale = made.report.sampling.sizing_scale;
+    } else {
+      made.report.sampling.sizing_scale = scale;
+    }
     if (run == 0) most = most_refined(made.samples.size());
-    bool last = more.empty() || run == kMaxFurtherRuns || (!too_far && made.samples.size() > most);
+    bool last = run == kMaxFurtherRuns || (!too_far && made.samples.size() > most);
+    std::vector<RadiusCap>& caps = state.surface.limits;
+    const bool fresh = more.empty() && !caps.empty() && misses(made.samples.size(), target) && fresh_runs < kMaxFreshRuns;
+    last = last || (more.empty() && !fresh);
     if (!last) {
       caps.insert(caps.end(), more.begin(), more.end());
       last = expected_under(CapField(caps, kCapGradation), made.mesh, made.samples) > sampling.max_samples;
     }
-    const auto badness = [](const RemeshReport& report) {
-      return std::make_pair(crosses(report) ? report.self_intersections : 0, report.hausdorff_bound);
-    };
-    if (run > 0 && badness(further.report) < badness(result.report)) result = std::move(further);
-    if (last) return;
+    samples_of_run = sampling;
+    state.surface.kept.clear();
+    if (fresh) {
+      ++fresh_runs;
+      if (search != nullptr) search->start_again();
+      // Runs after this one will add what they have added this time, or less.
+      const double before = count_before / std::max(count_before, static_cast<double>(made.samples.size()));
+      samples_of_run.target_count = std::max(Index{1}, static_cast<Index>(target * before + 0.5));
+    } else if (!last) {
+      state.surface.kept = samples_on_faces(made.samples);
+      samples_of_run.target_count = 0;
+      if (is_one_radius(sampling.sizing)) {
+        samples_of_run.radius = made.report.sampling.radius;
+        samples_of_run.sizing = SizingField();
+      } else {
+        samples_of_run.sizing = sampling.sizing.scaled(scale);
+      }
+    }
+    if (run > 0 && badness(further, error, target) < badness(result, error, target)) result = std::move(further);
+    if (last) break;
+  }
+  if (bounded && !std::isfinite(result.report.hausdorff_bound) && total_area(result.mesh) > 0) {
+    Stopwatch watch;
+    const Outcome status = std::exchange(result.status, Outcome::kCancelled);
+    bound_error(mesh, error, execution.part(done, 1), result);
+    result.status = status;
+    result.report.seconds_error = seconds + watch.lap();
   }
 }
 

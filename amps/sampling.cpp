@@ -395,9 +395,9 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
   std::unique_ptr<RestrictedPowerDiagram> diagram;
   const bool complete = completes([&] {
     const Execution filling = execution.part(curves_end, 1);
-    if (round.kept != nullptr) {
-      add_kept(task, *round.kept, filling.part(0, sort_end, "throwing darts"));
-    } else {
+    if (round.kept != nullptr) add_kept(task, *round.kept, filling.part(0, sort_end, "throwing darts"));
+    // Of samples that are all too large, none is kept; and a diagram has at least one site.
+    if (round.kept == nullptr || task.set.size() == 0) {
       run_darts(task, density, filling.part(0, darts_end, "throwing darts"));
       if (task.status == Outcome::kDone) task.sort_along_curve(round.box, filling.part(darts_end, sort_end, "throwing darts"));
     }
@@ -550,7 +550,7 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   require_feasible_radii(radii.min(), radii.max(), radii.density_integral(total_area(mesh)), box, options);
   constexpr double kRefinementShare = 0.1;
   const double refining = surface.preserve ? 1 - kRefinementShare : 1;
-  const SamplingRound round{radii, surface, box, seed, surface.limits, nullptr};
+  const SamplingRound round{radii, surface, box, seed, surface.limits, surface.kept.empty() ? nullptr : &surface.kept};
   SamplingRun run;
   run.result.report.seed = seed;
   if (!completes([&] { run = run_round(mesh, options, round, execution.part(0, refining)); })) {

@@ -4,7 +4,6 @@
 #include "amps/execution.h"
 #include "amps/mesh_edges.h"
 #include "amps/spatial_sort.h"
-#include "amps/surface_tree.h"
 
 #include <algorithm>
 #include <array>
@@ -115,6 +114,18 @@ class OneSidedMeasure {
         tolerance_(options.tolerance * diagonal),
         spacing_(options.spacing * diagonal),
         options_(options) {}
+
+  /// Points farther than `distance`: where there are any, not fewer than one in each piece of a facet under one facet of `to`.
+  /// Throws Error(kCancelled) when cancelled.
+  std::vector<detail::FarPoint> far_points(double distance, const TimeShares& shares) {
+    constexpr double kSlack = 0.01;
+    far_ = distance;
+    tolerance_ = kSlack * distance;
+    measure_vertices(shares.part(1));
+    upper_.assign(detail::slot(from_.num_facets()), std::numeric_limits<double>::infinity());
+    enclose(shares.part(2));
+    return std::move(far_points_);
+  }
 
   /// Shares: those of the search tree, of measuring and of cutting. Throws Error(kCancelled) when cancelled.
   OneSidedDistance run(const TimeShares& shares) {
@@ -261,7 +272,7 @@ class OneSidedMeasure {
   }
 
   /// Pieces whose bound is at most this need no cut.
-  double goal() const { return farthest_.point.distance + tolerance_; }
+  double goal() const { return (far_ > 0 ? far_ : farthest_.point.distance) + tolerance_; }
 
   /// Cuts pieces until no bound exceeds the goal. They queue, and are cut in batches with the goal as it was before: so the
   /// number of threads changes nothing. (First come, first served: the best first would save nothing, for the sampling of
@@ -270,7 +281,9 @@ class OneSidedMeasure {
     std::deque<DistancePiece> queue;
     double settled = 0;  // the highest bound of the pieces that need no cut
     const auto keep = [&](const DistancePiece& piece) {
-      if (piece.upper > goal()) {
+      if (far_ > 0 && greatest_of(piece.corners) > far_) {
+        list_far_points(piece);
+      } else if (piece.upper > goal()) {
         queue.push_back(piece);
       } else {
         settled = std::max(settled, piece.upper);
@@ -319,6 +332,12 @@ class OneSidedMeasure {
     }
     for (const DistancePiece& piece : queue) settled = std::max(settled, piece.upper);
     result_.hausdorff = std::max(settled, farthest_.point.distance);
+  }
+
+  void list_far_points(const DistancePiece& piece) {
+    for (const DistancePoint& p : piece.corners) {
+      if (p.distance > far_) far_points_.push_back({piece.facet, p.nearest, p.distance, position(piece.facet, p.barycentric)});
+    }
   }
 
   /// Lowers piece.upper as far as is worth it: to the goal.
@@ -455,6 +474,8 @@ class OneSidedMeasure {
   std::vector<DistancePoint> at_vertex_;
   std::vector<double> upper_;  ///< of each facet: no point of it is farther
   FarthestPoint farthest_;
+  double far_ = 0;  ///< points farther than this are listed, instead; 0: none
+  std::vector<detail::FarPoint> far_points_;
   detail::WorkCounter* counter_ = nullptr;  ///< of cells, while integrate() runs
   OneSidedDistance result_;
 };
@@ -554,6 +575,19 @@ OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, co
   job.finish();
   return result;
 }
+
+namespace detail {
+
+std::vector<FarPoint> far_points(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double distance,
+                                 const Execution& execution) {
+  DistanceOptions options;
+  options.execution = execution;
+  const OneSidedCost cost(from.num_facets(), to.num_facets(), options);
+  const TimeShares shares(execution, {0, cost.measure, cost.cut});
+  return OneSidedMeasure(from, to, tree, 0, options).far_points(distance, shares);
+}
+
+}  // namespace detail
 
 std::ostream& operator<<(std::ostream& out, const DistanceReport& report) {
   std::ostringstream text;  // neither the caller's format nor its locale

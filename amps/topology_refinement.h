@@ -55,12 +55,6 @@ class RefinementCaps {
   int rounds_ = 0;
 };
 
-/// A sample that does not lie on a curve.
-struct FaceSample {
-  Sample sample;
-  bool of_darts;  ///< or of gap filling
-};
-
 /// A maximal set whose radii fall here and there, in its diagram and disks; what lies on curves stays.
 class RefinedSet {
  public:
