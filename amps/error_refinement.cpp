@@ -41,6 +41,21 @@ SizingField error_sizing(const MeshView& mesh, double error, const Execution& ex
       .limited(kDefaultGradation, execution.part(0.6, 1));
 }
 
+SizingField error_sizing_of_count(const MeshView& mesh, double count, const Execution& execution) {
+  // The count falls as the error grows, until all radii are as large as they may be.
+  constexpr int kBisections = 12;
+  constexpr double kLeast = 1e-5, kGreatest = 0.1;  // of the diagonal
+  const double diagonal = bounding_box(mesh).diagonal();
+  double low = kLeast, high = kGreatest;
+  SizingField field;
+  for (int k = 0; k < kBisections; ++k) {
+    const double middle = std::sqrt(low * high);
+    field = error_sizing(mesh, middle * diagonal, execution.part(double(k) / kBisections, double(k + 1) / kBisections));
+    (kSamplesPerDensity * field.density_integral() > count ? low : high) = middle;
+  }
+  return field;
+}
+
 DistanceReport measure_error(const MeshView& mesh, const Mesh& result, double error, const Execution& execution) {
   constexpr double kTolerance = 1e-3;  // of the error
   DistanceOptions options;
@@ -51,15 +66,12 @@ DistanceReport measure_error(const MeshView& mesh, const Mesh& result, double er
   return surface_distance(mesh, result, options);
 }
 
-ErrorSearch::ErrorSearch(const MeshView& mesh, double error, const Execution& execution)
-    : mesh_(mesh),
-      error_(error),
-      floor_(std::max(kErrorFloor * error, kDiagonalFloor * bounding_box(mesh).diagonal())),
-      tree_(mesh, execution) {}
+ErrorSearch::ErrorSearch(const MeshView& mesh, const Execution& execution)
+    : mesh_(mesh), diagonal_(bounding_box(mesh).diagonal()), tree_(mesh, execution) {}
 
-ErrorCaps ErrorSearch::look(const Mesh& result, const SampleSet& samples, const Execution& execution) {
+ErrorCaps ErrorSearch::look(const Mesh& result, const SampleSet& samples, double error, const Execution& execution) {
   const bool first = std::exchange(first_, false);
-  const double aim = kErrorAim * error_;
+  const double aim = kErrorAim * error, floor = std::max(kErrorFloor * error, kDiagonalFloor * diagonal_);
   const MeshView output(result);
   std::vector<double> farthest(slot(output.num_facets()), 0);  // by triangle of the result
   ErrorCaps found;
@@ -70,7 +82,7 @@ ErrorCaps ErrorSearch::look(const Mesh& result, const SampleSet& samples, const 
   for (const FarPoint& p : far_points(output, mesh_, tree_, aim, execution.part(0, 0.4))) raise(p.facet, p.distance);
   std::vector<FarPoint> of_surface;
   // Mostly what is far in one direction is far in the other.
-  if (first || !(found.farthest > error_)) {
+  if (first || !(found.farthest > error)) {
     const SurfaceTree of_result(output, execution.part(0.4, 0.5));
     of_surface = far_points(mesh_, output, of_result, aim, execution.part(0.5, 1));
     for (const FarPoint& p : of_surface) raise(p.nearest, p.distance);
@@ -98,15 +110,15 @@ ErrorCaps ErrorSearch::look(const Mesh& result, const SampleSet& samples, const 
   }
   for (Index s = 0; s < samples.size(); ++s) {
     const double radius = samples.radii[slot(s)];
-    if (share[slot(s)] < 1 && radius > floor_) {
-      found.caps.push_back({samples.positions.row(s).transpose(), std::max(floor_, share[slot(s)] * radius)});
+    if (share[slot(s)] < 1 && radius > floor) {
+      found.caps.push_back({samples.positions.row(s).transpose(), std::max(floor, share[slot(s)] * radius)});
     }
   }
   // Where the nearest triangle is as small as it may become, a larger one elsewhere stands for this part of the surface.
   for (const FarPoint& p : of_surface) {
     double greatest = 0;
     for (int k = 0; k < 3; ++k) greatest = std::max(greatest, samples.radii[slot(output.triangles(p.nearest, k))]);
-    if (greatest <= floor_) found.caps.push_back({p.position, kMaxErrorShare * p.distance});
+    if (greatest <= floor) found.caps.push_back({p.position, kMaxErrorShare * p.distance});
   }
   return found;
 }

@@ -21,6 +21,9 @@ namespace amps::detail {
 /// Radii to begin with, where none are given: by curvature, up to a quarter of the diagonal, limited in gradation.
 SizingField error_sizing(const MeshView& mesh, double error, const Execution& execution);
 
+/// Radii for about so many samples that make the error the same everywhere, as above.
+SizingField error_sizing_of_count(const MeshView& mesh, double count, const Execution& execution);
+
 /// The distance between input and result, with bounds close beside this error.
 DistanceReport measure_error(const MeshView& mesh, const Mesh& result, double error, const Execution& execution);
 
@@ -35,18 +38,18 @@ struct ErrorCaps {
 class ErrorSearch {
  public:
   /// `mesh` must outlive this.
-  ErrorSearch(const MeshView& mesh, double error, const Execution& execution);
+  ErrorSearch(const MeshView& mesh, const Execution& execution);
 
   /// Bounds are of radii at the vertices of such triangles, and of those farther than 0.9 error: so that the next round does
   /// not find these.
-  ErrorCaps look(const Mesh& result, const SampleSet& samples, const Execution& execution);
+  ErrorCaps look(const Mesh& result, const SampleSet& samples, double error, const Execution& execution);
 
   /// What comes has been sampled anew.
   void start_again() { first_ = true; }
 
  private:
   MeshView mesh_;
-  double error_, floor_;
+  double diagonal_;
   SurfaceTree tree_;
   bool first_ = true;
 };

@@ -545,22 +545,6 @@ void bound_error(const MeshView& mesh, double error, const Execution& execution,
   result.report.hausdorff_lower = distance.hausdorff_lower();
 }
 
-/// Where the result is farther from the surface than `error`. Where it seems not to be, measures how far it is. Returns bounds
-/// of radii where it is too far.
-std::vector<RadiusCap> look_at_error(const MeshView& mesh, double error, ErrorSearch& search, const Execution& execution,
-                                     RemeshResult& result) {
-  RemeshReport& report = result.report;
-  report.hausdorff_bound = report.hausdorff_lower = std::numeric_limits<double>::infinity();
-  if (!(total_area(result.mesh) > 0)) return {};
-  ErrorCaps found = search.look(result.mesh, result.samples, execution.part(0, 0.5));
-  report.hausdorff_lower = found.farthest;
-  if (!(found.farthest > error)) {
-    bound_error(mesh, error, execution.part(0.5, 1), result);
-    if (report.hausdorff_bound <= error) return {};
-  }
-  return std::move(found.caps);
-}
-
 /// Samples of a result that lie on faces.
 std::vector<FaceSample> samples_on_faces(const SampleSet& samples) {
   std::vector<FaceSample> kept;
@@ -570,123 +554,197 @@ std::vector<FaceSample> samples_on_faces(const SampleSet& samples) {
   return kept;
 }
 
-/// Which of two results is better: less of what comes first.
-using Badness = std::tuple<std::int64_t, bool, bool, double>;
-Badness badness(const RemeshResult& result, double error, Index target_count) {
-  const RemeshReport& report = result.report;
-  const bool too_far = error > 0 && !(report.hausdorff_bound <= error);
-  return {crosses(report) ? report.self_intersections : 0, too_far, misses(result.samples.size(), target_count),
-          too_far ? report.hausdorff_lower : report.hausdorff_bound};
-}
+/// A run, and further ones where sheets of the result cross each other, where it is farther from the surface than max_error, or
+/// while the distance is to become less: radii fall there, and what lies elsewhere is kept. If there are too many samples then,
+/// all is sampled again under these bounds. The best result counts.
+class RemeshRuns {
+ public:
+  /// `sampling`: with the execution of all, whose range is that of `execution`. `result` (in: cancelled) has what there is at
+  /// any time.
+  RemeshRuns(const MeshView& mesh, const RemeshOptions& options, const SamplingOptions& sampling, const Execution& execution,
+             RemeshResult& result)
+      : mesh_(mesh),
+        options_(options),
+        sampling_(sampling),
+        execution_(execution),
+        result_(result),
+        measured_(options.max_error > 0 || options.least_error),
+        uncrosses_(options.topology == Topology::kPreserve && sampling.neighborhood == Neighborhood::kSurface),
+        goal_(options.max_error) {}
 
-/// Further runs where sheets of the result cross each other, and where it is farther from the surface than max_error, until
-/// neither is so: with smaller radii there, and what lies elsewhere is kept. If there are too many samples then, all is sampled
-/// again under these bounds. The best run counts. `result` (in: cancelled) has what there is at any time.
-void remesh_until_right(const MeshView& mesh, RemeshOptions options, SamplingOptions sampling, const Execution& execution,
-                        RemeshResult& result) {
-  constexpr int kMaxFurtherRuns = 40, kMaxFreshRuns = 4;
-  constexpr double kSizingShare = 0.02, kFurtherShare = 0.3;
-  const double error = options.max_error;
-  const bool bounded = error > 0;
-  // Without a bound one run is enough, mostly.
-  const double first_share = bounded ? 0.5 : 0.98, run_share = bounded ? 0.8 : 0.99;
-  double done = 0;
-  if (bounded && sampling.radius == 0 && sampling.target_count == 0 && sampling.sizing.empty()) {
-    sampling.sizing = error_sizing(mesh, error, execution.part(0, kSizingShare, "finding radii"));
-    done = kSizingShare;
+  void run() {
+    choose_radii();
+    while (one_run()) ++num_further_;
+    if (result_.status == Outcome::kCancelled || !measured_) return;
+    if (std::isfinite(result_.report.hausdorff_bound) || !(total_area(result_.mesh) > 0)) return;
+    Stopwatch watch;
+    const Outcome status = std::exchange(result_.status, Outcome::kCancelled);
+    bound_error(mesh_, goal_, execution_.part(done_, 1), result_);
+    result_.status = status;
+    result_.report.seconds_error = seconds_ + watch.lap();
   }
-  RemeshState state;
-  state.curves = options.curves;
-  if (bounded && state.curves.radius == 0 && state.curves.sizing.empty()) {
-    // Cutting off a crease, however short beside the radius, costs a part of its length.
-    constexpr double kCreaseSize = 4;
-    const double finest = kCreaseSize * error;
-    if (sampling.radius == 0 || finest < sampling.radius) state.curves.radius = finest;
+
+ private:
+  /// Of these, fresh ones: without coming closer.
+  static constexpr int kMaxFurtherRuns = 40, kMaxFreshRuns = 4;
+  static constexpr int kMaxRunsForLess = 24, kMaxFreshRunsForLess = 2;
+  /// A goal that is reached falls to this share of the distance that there is.
+  static constexpr double kNextGoal = 0.85;
+
+  /// Those to begin with, and the radius that curves are found by.
+  void choose_radii() {
+    constexpr double kSizingShare = 0.02;
+    const bool no_radii = sampling_.radius == 0 && sampling_.sizing.empty();
+    if (options_.least_error && no_radii) {
+      sampling_.sizing =
+          error_sizing_of_count(mesh_, sampling_.target_count, execution_.part(0, kSizingShare, "finding radii"));
+      done_ = kSizingShare;
+    } else if (options_.max_error > 0 && no_radii && sampling_.target_count == 0) {
+      sampling_.sizing = error_sizing(mesh_, options_.max_error, execution_.part(0, kSizingShare, "finding radii"));
+      done_ = kSizingShare;
+    }
+    state_.curves = options_.curves;
+    if (options_.max_error > 0 && state_.curves.radius == 0 && state_.curves.sizing.empty()) {
+      // Cutting off a crease, however short beside the radius, costs a part of its length.
+      constexpr double kCreaseSize = 4;
+      const double finest = kCreaseSize * options_.max_error;
+      if (sampling_.radius == 0 || finest < sampling_.radius) state_.curves.radius = finest;
+    }
+    next_ = sampling_;
   }
-  const bool uncrosses = options.topology == Topology::kPreserve && sampling.neighborhood == Neighborhood::kSurface;
-  const Index target = sampling.target_count;
-  SamplingOptions samples_of_run = sampling;
-  Index most = 0;
-  double seconds = 0;
-  double scale = 1;  // of the sizing, by the last run that had the target
-  int fresh_runs = 0;
-  double count_before = 0;  // of the last run with a target
-  std::unique_ptr<ErrorSearch> search;
-  for (int run = 0;; ++run) {
-    const double next = done + (run == 0 ? first_share : kFurtherShare) * (1 - done);
-    const Execution part = execution.part(done, next);
-    done = next;
+
+  /// False if it was the last one.
+  bool one_run() {
+    // Without measuring one run is enough, mostly.
+    const double first_share = measured_ ? 0.5 : 0.98, run_share = measured_ ? 0.8 : 0.99;
+    constexpr double kFurtherShare = 0.3;
+    const bool first = num_further_ == 0;
+    const double end = done_ + (first ? first_share : kFurtherShare) * (1 - done_);
+    const Execution part = execution_.part(done_, end);
+    done_ = end;
     RemeshResult further;
     further.status = Outcome::kCancelled;
-    RemeshResult& made = run == 0 ? result : further;
+    RemeshResult& made = first ? result_ : further;
     std::vector<RadiusCap> more;
     Outcome reached = Outcome::kCancelled;
     const bool complete = completes([&] {
-      sample_and_remesh(mesh, options, samples_of_run, state, part.part(0, run_share), made);
+      sample_and_remesh(mesh_, options_, next_, state_, part.part(0, run_share), made);
       reached = std::exchange(made.status, Outcome::kCancelled);  // until it is measured
-      if (reached == Outcome::kCancelled) return;
-      const Execution looking = part.part(run_share, 1);
-      if (bounded) {
-        Stopwatch watch;
-        if (search == nullptr) search = std::make_unique<ErrorSearch>(mesh, error, looking.part(0, 0));
-        more = look_at_error(mesh, error, *search, looking.part(0, 0.9), made);
-        made.report.seconds_error = seconds += watch.lap();
-      }
-      if (!uncrosses || !crosses(made.report)) return;
-      const std::vector<RadiusCap> at_crossings = caps_at_crossings(made, looking.part(0.9, 1));
-      more.insert(more.end(), at_crossings.begin(), at_crossings.end());
+      if (reached != Outcome::kCancelled) more = look(part.part(run_share, 1), made);
     });
     if (!complete || reached == Outcome::kCancelled) {
-      result.status = Outcome::kCancelled;
-      return;
+      result_.status = Outcome::kCancelled;
+      return false;
     }
-    const bool too_far = bounded && !(made.report.hausdorff_bound <= error);
-    made.status = too_far ? std::max(reached, Outcome::kErrorMissed) : reached;
-    made.report.further_runs = run;
-    if (state.surface.kept.empty()) {
-      count_before = made.samples.size();
-      scale = made.report.sampling.sizing_scale;
+    made.status = options_.max_error > 0 && !(made.report.hausdorff_bound <= options_.max_error)
+                      ? std::max(reached, Outcome::kErrorMissed)
+                      : reached;
+    made.report.further_runs = num_further_;
+    if (first) most_ = most_refined(made.samples.size());
+    if (state_.surface.kept.empty()) {
+      count_before_ = made.samples.size();
+      scale_ = made.report.sampling.sizing_scale;
     } else {
-      made.report.sampling.sizing_scale = scale;
+      made.report.sampling.sizing_scale = scale_;
     }
-    if (run == 0) most = most_refined(made.samples.size());
-    bool last = run == kMaxFurtherRuns || (!too_far && made.samples.size() > most);
-    std::vector<RadiusCap>& caps = state.surface.limits;
-    const bool fresh = more.empty() && !caps.empty() && misses(made.samples.size(), target) && fresh_runs < kMaxFreshRuns;
-    last = last || (more.empty() && !fresh);
-    if (!last) {
-      caps.insert(caps.end(), more.begin(), more.end());
-      last = expected_under(CapField(caps, kCapGradation), made.mesh, made.samples) > sampling.max_samples;
+    const bool goes_on = prepare_next(made, std::move(more));
+    if (!first && badness(further) < badness(result_)) result_ = std::move(further);
+    return goes_on;
+  }
+
+  /// Bounds of radii where the result is not as it should be.
+  std::vector<RadiusCap> look(const Execution& execution, RemeshResult& made) {
+    std::vector<RadiusCap> more;
+    if (measured_) {
+      Stopwatch watch;
+      if (search_ == nullptr) search_ = std::make_unique<ErrorSearch>(mesh_, execution.part(0, 0.05));
+      more = look_at_error(execution.part(0.05, 0.9), made);
+      made.report.seconds_error = seconds_ += watch.lap();
     }
-    samples_of_run = sampling;
-    state.surface.kept.clear();
+    if (uncrosses_ && crosses(made.report)) {
+      const std::vector<RadiusCap> at_crossings = caps_at_crossings(made, execution.part(0.9, 1));
+      more.insert(more.end(), at_crossings.begin(), at_crossings.end());
+    }
+    return more;
+  }
+
+  /// Where the result is farther from the surface than the goal. Where it seems not to be, measures how far it is, and where
+  /// the distance is to become less, there is a new goal.
+  std::vector<RadiusCap> look_at_error(const Execution& execution, RemeshResult& made) {
+    RemeshReport& report = made.report;
+    report.hausdorff_bound = report.hausdorff_lower = std::numeric_limits<double>::infinity();
+    if (!(total_area(made.mesh) > 0)) return {};
+    if (goal_ > 0) {
+      ErrorCaps found = search_->look(made.mesh, made.samples, goal_, execution.part(0, 0.4));
+      report.hausdorff_lower = found.farthest;
+      if (found.farthest > goal_) return std::move(found.caps);
+      bound_error(mesh_, goal_, execution.part(0.4, 0.6), made);
+      if (report.hausdorff_bound > goal_) return std::move(found.caps);
+    } else {
+      bound_error(mesh_, kNextGoal * bounding_box(mesh_).diagonal(), execution.part(0, 0.6), made);
+    }
+    if (!options_.least_error || misses(made.samples.size(), sampling_.target_count)) return {};
+    constexpr double kLeastGoal = 1e-5;  // of the diagonal
+    goal_ = kNextGoal * report.hausdorff_bound;
+    num_fresh_ = 0;
+    if (goal_ < kLeastGoal * bounding_box(mesh_).diagonal()) return {};
+    return search_->look(made.mesh, made.samples, goal_, execution.part(0.6, 1)).caps;
+  }
+
+  /// What the next run begins with. False if there is none.
+  bool prepare_next(const RemeshResult& made, std::vector<RadiusCap> more) {
+    std::vector<RadiusCap>& caps = state_.surface.limits;
+    const Index count = made.samples.size();
+    const bool fresh = more.empty() && !caps.empty() && misses(count, sampling_.target_count) &&
+                       num_fresh_ < (options_.least_error ? kMaxFreshRunsForLess : kMaxFreshRuns);
+    if (num_further_ == (options_.least_error ? kMaxRunsForLess : kMaxFurtherRuns) || (more.empty() && !fresh)) return false;
+    const bool far = measured_ && !(made.report.hausdorff_bound <= goal_);
+    if (!far && !fresh && count > most_) return false;
+    caps.insert(caps.end(), more.begin(), more.end());
+    if (expected_under(CapField(caps, kCapGradation), made.mesh, made.samples) > sampling_.max_samples) return false;
+    next_ = sampling_;
     if (fresh) {
-      ++fresh_runs;
-      if (search != nullptr) search->start_again();
+      ++num_fresh_;
+      state_.surface.kept.clear();
+      if (search_ != nullptr) search_->start_again();
       // Runs after this one will add what they have added this time, or less.
-      const double before = count_before / std::max(count_before, static_cast<double>(made.samples.size()));
-      samples_of_run.target_count = std::max(Index{1}, static_cast<Index>(target * before + 0.5));
-    } else if (!last) {
-      state.surface.kept = samples_on_faces(made.samples);
-      samples_of_run.target_count = 0;
-      if (is_one_radius(sampling.sizing)) {
-        samples_of_run.radius = made.report.sampling.radius;
-        samples_of_run.sizing = SizingField();
-      } else {
-        samples_of_run.sizing = sampling.sizing.scaled(scale);
-      }
+      const double share = count_before_ / std::max(count_before_, static_cast<double>(count));
+      next_.target_count = std::max(Index{1}, static_cast<Index>(sampling_.target_count * share + 0.5));
+      return true;
     }
-    if (run > 0 && badness(further, error, target) < badness(result, error, target)) result = std::move(further);
-    if (last) break;
+    state_.surface.kept = samples_on_faces(made.samples);
+    next_.target_count = 0;
+    if (is_one_radius(sampling_.sizing)) {
+      next_.radius = made.report.sampling.radius;
+      next_.sizing = SizingField();
+    } else {
+      next_.sizing = sampling_.sizing.scaled(scale_);
+    }
+    return true;
   }
-  if (bounded && !std::isfinite(result.report.hausdorff_bound) && total_area(result.mesh) > 0) {
-    Stopwatch watch;
-    const Outcome status = std::exchange(result.status, Outcome::kCancelled);
-    bound_error(mesh, error, execution.part(done, 1), result);
-    result.status = status;
-    result.report.seconds_error = seconds + watch.lap();
+
+  /// Of two results the better one has less of what comes first.
+  std::tuple<std::int64_t, bool, bool, double> badness(const RemeshResult& result) const {
+    const RemeshReport& report = result.report;
+    const bool too_far = options_.max_error > 0 && !(report.hausdorff_bound <= options_.max_error);
+    return {crosses(report) ? report.self_intersections : 0, too_far, misses(result.samples.size(), sampling_.target_count),
+            too_far ? report.hausdorff_lower : report.hausdorff_bound};
   }
-}
+
+  const MeshView& mesh_;
+  const RemeshOptions& options_;
+  SamplingOptions sampling_, next_;  ///< as given, with radii chosen; of the next run
+  const Execution& execution_;
+  RemeshResult& result_;
+  const bool measured_, uncrosses_;
+  double goal_;  ///< no point is to be farther off; 0: none yet
+  RemeshState state_;
+  std::unique_ptr<ErrorSearch> search_;
+  double done_ = 0, seconds_ = 0;
+  int num_further_ = 0, num_fresh_ = 0;
+  Index most_ = 0;
+  double scale_ = 1, count_before_ = 0;  ///< of the sizing, and of the result, by the last run that kept nothing
+};
 
 }  // namespace
 }  // namespace detail
@@ -741,6 +799,9 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
     throw Error(ErrorCode::kInvalidArgument,
                 "remesh: max_error is " + detail::number_text(options.max_error) + "; give a distance above 0, or 0 for none");
   }
+  if (options.least_error && sampling.target_count == 0) {
+    throw Error(ErrorCode::kInvalidArgument, "remesh: least_error spends a number of samples; set sampling.target_count");
+  }
   // Such a disk is all of its component: larger ones are no other, and radii have to fall from there.
   const double diagonal = bounding_box(mesh).diagonal();
   if (sampling.neighborhood == Neighborhood::kSurface && std::isfinite(sampling.radius)) {
@@ -748,7 +809,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   }
   RemeshResult result;
   result.status = Outcome::kCancelled;
-  detail::completes([&] { detail::remesh_until_right(mesh, options, sampling, execution, result); });
+  detail::completes([&] { detail::RemeshRuns(mesh, options, sampling, execution, result).run(); });
   if (result.mesh.vertices.empty()) result.mesh.vertices = result.samples.positions;
   if (result.status != Outcome::kCancelled) execution.finish();
   return result;

@@ -244,16 +244,19 @@ inline void add_fit(Json& json, amps::Fit fit, const amps::FitReport& report) {
 }
 
 /// `asked`: what the distance was to be at most; 0: nothing.
-inline void print_error(const Table& table, double asked, const amps::RemeshReport& report) {
-  if (asked > 0) table.row("distance, proved", format("%.6g", asked) + " asked", format("%.6g", report.hausdorff_bound));
+inline void print_error(const Table& table, const amps::RemeshOptions& options, const amps::RemeshReport& report) {
+  const double asked = options.max_error;
+  if (asked > 0 || options.least_error) {
+    table.row("distance, proved", asked > 0 ? format("%.6g", asked) + " asked" : "", format("%.6g", report.hausdorff_bound));
+  }
 }
 
-inline void add_error(Json& json, double asked, const amps::RemeshReport& report) {
-  if (!(asked > 0)) return;
-  json.open("error")
-      .add("asked", asked)
-      .add("holds", report.hausdorff_bound <= asked)
-      .add("hausdorff", report.hausdorff_bound)
+inline void add_error(Json& json, const amps::RemeshOptions& options, const amps::RemeshReport& report) {
+  const double asked = options.max_error;
+  if (!(asked > 0 || options.least_error)) return;
+  json.open("error");
+  if (asked > 0) json.add("asked", asked).add("holds", report.hausdorff_bound <= asked);
+  json.add("hausdorff", report.hausdorff_bound)
       .add("hausdorff_lower", report.hausdorff_lower)
       .add("rounds", report.further_runs)
       .add("seconds", report.seconds_error)
