@@ -431,8 +431,11 @@ class TopologyRefiner {
     const Index before = run_.diagram->num_sites();
     const Index most = std::max(before, std::min(most_refined(before), options_.max_samples));
     TopologyCertificate certificate = check_all(execution.part(0, done));
+    if (certificate.holds()) return;
+    // What floors are shares of: beside close curves radii are small from the beginning.
+    const WantedRadii to_begin_with = bounded_radii(first_.radii, first_.limits, run_.curves.get(), first_.box).radii;
     for (;;) {
-      while (!run_.gave_up && caps_.lower(certificate, *run_.disks, run_.curves.get(), first_.radii)) {
+      while (!run_.gave_up && caps_.lower(certificate, *run_.disks, run_.curves.get(), to_begin_with)) {
         lower(certificate, next_part());
         if (!certificate.holds() && run_.diagram->num_sites() > most) run_.gave_up = true;
       }

@@ -398,18 +398,32 @@ class OneSidedMeasure {
     if (piece.border_cuts < kBorderCuts && longest.length <= kTooLarge * LongestSide(corners_of(to_, piece.over)).length &&
         border_sides(piece, x, side)) {
       cut_along_border(piece, x, side, cut);
+      for (std::size_t k = 0; k < cut.count; ++k) cut.parts[k].border_cuts = piece.border_cuts + 1;
+    } else if (across_sides(x, longest, side)) {
+      cut_along_border(piece, x, side, cut);
+      for (std::size_t k = 0; k < cut.count; ++k) cut.parts[k].border_cuts = 0;
     } else {
       const DistancePoint &a = piece.corners[longest.k], &b = piece.corners[(longest.k + 1) % 3],
                           &c = piece.corners[(longest.k + 2) % 3];
       const DistancePoint middle = measure(piece.facet, (a.barycentric + b.barycentric) / 2, a.nearest);
       cut.add(piece, {a, middle, c});
       cut.add(piece, {middle, b, c});
+      for (std::size_t k = 0; k < cut.count; ++k) cut.parts[k].border_cuts = 0;
     }
-    for (std::size_t k = 0; k < cut.count; ++k) {
-      cut.parts[k].border_cuts = cut.count == 3 ? piece.border_cuts + 1 : 0;
-      bound(cut.parts[k]);
-    }
+    for (std::size_t k = 0; k < cut.count; ++k) bound(cut.parts[k]);
     return cut;
+  }
+
+  /// On which side of the middle of its longest side the corners of a needle lie, along that side: halves would be as slender,
+  /// and as many as the square of its length asks for. False if it is no needle, or its third corner is near the middle.
+  static bool across_sides(const std::array<Vec3, 3>& x, const LongestSide& longest, std::array<double, 3>& side) {
+    constexpr double kNeedle = 8, kNearMiddle = 0.1;
+    const Vec3 along = x[(longest.k + 1) % 3] - x[longest.k], other = x[(longest.k + 2) % 3] - x[longest.k];
+    const double square = along.squaredNorm();
+    if (!(square > kNeedle * along.cross(other).norm())) return false;
+    const Vec3 middle = x[longest.k] + along / 2;
+    for (std::size_t k = 0; k < 3; ++k) side[k] = along.dot(x[k] - middle);
+    return std::fabs(side[(longest.k + 2) % 3]) > kNearMiddle * square;
   }
 
   /// On which side of the nearest border of the facet under the piece its corners lie: of the plane through the edge that the
