@@ -693,4 +693,12 @@ void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const M
   run.finish();
 }
 
+void write_file(const std::filesystem::path& path, const std::string& content, const Execution& execution) {
+  const Execution run = execution.start("writing");
+  detail::replace_file(path, content, run);
+  run.finish();
+}
+
+void require_writable_file(const std::filesystem::path& path) { detail::require_replaceable(path); }
+
 }  // namespace amps

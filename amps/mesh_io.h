@@ -83,9 +83,11 @@ struct MeshWriteOptions {
 /// the shortest that read back exactly (at most 17 significant digits), those in PLY are doubles. STL is binary and keeps
 /// single precision only.
 ///
-/// The file is written under a temporary name in the same directory and renamed when complete, so a failure leaves what was
-/// there before, and no temporary. An existing file keeps its permissions; a link is followed; a device or pipe is written in
-/// place. Throws Error: kFileNotFound (no directory, no permission, disk full), kFileFormat (unknown extension), kInvalidMesh
+/// The file is written under a temporary name (.amps-0.tmp) in the same directory and renamed when complete, so a failure
+/// leaves what was there before, and no temporary. What a killed program left, the next writer takes away. An existing file
+/// keeps its permissions and owner; a link is followed; a file with other names (hard links) or of an owner that cannot be kept
+/// so is written in place, as is a device or pipe; one that the caller may not write is refused. Access control lists are not
+/// carried over. Throws Error: kFileNotFound (no directory, no permission, disk full), kFileFormat (unknown extension), kInvalidMesh
 /// (coordinates that are not finite, or not in single precision for STL; indices out of range), kInvalidArgument (labels that
 /// are not one a facet; a name of them that is no name). O(#V + #F).
 void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options = {},
@@ -97,6 +99,12 @@ void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, cons
                 const Execution& execution = {});
 std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},
                         const Execution& execution = {});
+
+/// Any content, such as a picture or a table beside a mesh, is written to a file as meshes are.
+void write_file(const std::filesystem::path& path, const std::string& content, const Execution& execution = {});
+
+/// Throws the Error(kFileNotFound) that writers would throw before they write, if it can be known: for a look before the work.
+void require_writable_file(const std::filesystem::path& path);
 
 /// Reads a sample set. .xyzr: four numbers a line; blank lines and `#` comments are skipped. .csv: a header line naming the
 /// columns x, y, z, radius (or r) and, optionally, facet, b0, b1, b2 and dimension, curve, parameter, in any order; other
