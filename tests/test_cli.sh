@@ -405,6 +405,138 @@ bad "nowhere" remesh torus.obj no.obj --radius 0.1 --json nowhere/no.json
 bad "directory" remesh torus.obj empty --radius 0.1
 bad "directory" render torus.obj nowhere/no.png
 
+bad "may not be\|not a directory\|directory" remesh torus.obj torus.obj/no.obj --radius 0.1
+ln -s nothing.off dangling.off
+bad "link to nothing" make cube dangling.off
+rm dangling.off
+echo "as it was" >locked.json
+chmod 444 locked.json
+bad "read-only" info torus.obj --json locked.json
+chmod 644 locked.json
+
+echo "-- outputs that would take each other's place, or that of an input"
+# same_name ARGUMENTS...: refused, and no file is changed.
+same_name() {
+  sum=$(cat ./*.* | cksum)
+  bad "$@"
+  [ "$sum" = "$(cat ./*.* | cksum)" ] || fail "amps $* changed a file"
+}
+run 0 make torus in.ply --n 500
+cp in.ply old.ply
+ln -s old.ply link.ply
+ln old.ply hard.ply
+run 0 sample in.ply in.xyzr --radius 0.3
+mkdir sub
+for other in new.ply ./new.ply sub/../new.ply "$dir/new.ply" sub/../sub/.././new.ply; do
+  same_name "OUT\|written already (OUT)" remesh in.ply new.ply --radius 0.3 --samples "$other"
+done
+for other in link.ply hard.ply ./sub/../old.ply; do
+  same_name "written already (OUT)" remesh in.ply old.ply --radius 0.3 --samples "$other"
+  same_name "written already (OUT)" remesh in.ply "$other" --radius 0.3 --samples old.ply
+done
+same_name "written already (--samples)" remesh in.ply new.ply --radius 0.3 --samples new.csv --convergence new.csv
+same_name "written already (--samples)" remesh in.ply new.ply --radius 0.3 --samples new.csv --json new.csv
+same_name "written already (--convergence)" remesh in.ply new.ply --radius 0.3 --convergence new.csv --json new.csv
+same_name "written already" sample in.ply new.csv --radius 0.3 --json new.csv
+same_name "written already" curves in.ply new.obj --json new.obj
+same_name "written already" gaps in.ply in.xyzr new.obj --json new.obj
+ln -s in.ply to_input.ply
+ln in.ply other_name.ply
+for same in in.ply ./in.ply to_input.ply other_name.ply; do
+  same_name "which is read (IN)" remesh in.ply $same --radius 0.3
+  same_name "which is read (IN)" remesh in.ply new.ply --radius 0.3 --samples $same
+  same_name "which is read (IN)" remesh in.ply new.ply --radius 0.3 --json $same
+  same_name "which is read (IN)" remesh in.ply new.ply --radius 0.3 --convergence $same
+  same_name "which is read (IN)" sample in.ply $same --radius 0.3
+  same_name "which is read (IN)" sample in.ply new.csv --radius 0.3 --json $same
+  same_name "which is read (IN)" gaps in.ply in.xyzr $same
+  same_name "which is read (IN)" info in.ply --json $same
+done
+same_name "which is read (SAMPLES)" gaps in.ply in.xyzr --json in.xyzr
+same_name "which is read (IN)" curves torus.obj torus.obj
+same_name "which is read (--keep)" curves torus.obj box_lines.obj --keep box_lines.obj
+same_name "which is read (--keep)" remesh torus.obj box_lines.obj --radius 0.3 --keep box_lines.obj
+same_name "which is read (--sizing)" remesh torus.obj new.obj --sizing radii.txt --json radii.txt
+same_name "which is read (--sizing)" remesh torus.obj radii.ply --sizing radii.ply:quality
+same_name "which is read (--reference)" info in.ply --reference old.ply --json old.ply
+run 0 remesh in.ply in.ply --radius 0.3 --overwrite-input
+run 0 remesh old.ply new.ply --radius 0.3
+cmp in.ply new.ply || fail "over the input, another result than beside it"
+[ "$(ls -i in.ply | cut -d ' ' -f 1)" = "$(ls -i other_name.ply | cut -d ' ' -f 1)" ] || fail "a hard link is lost"
+run 0 info in.ply --json /dev/null
+run 0 remesh in.ply new.ply --radius 0.3 --json /dev/null --convergence /dev/null
+[ -c /dev/null ] || fail "a device is replaced"
+rm -f ./link.ply hard.ply old.ply to_input.ply other_name.ply new.* in.*
+
+echo "-- what killed runs left"
+printf 'half of a mesh' >.amps-0.tmp
+printf 'half of a mesh' >.amps-4.tmp
+run 0 make cube sub/../cube.obj --n 100
+if [ "$(uname)" = Linux ] && { [ -e .amps-0.tmp ] || [ -e .amps-4.tmp ]; }; then fail "left-overs stay"; fi
+# A file that grows too large.
+(
+  ulimit -f 8
+  code=0
+  "$amps" make sphere full.obj --n 20000 >log/out 2>log/err || code=$?
+  [ $code -eq 2 ] && grep -q "full.obj: cannot be written" log/err && [ ! -e full.obj ]
+) || fail "a file too large: $(cat log/err)"
+[ -z "$(find . -name '.amps-*')" ] || fail "a temporary is left"
+
+echo "-- the standard input and output"
+# piped FILE ARGUMENTS...: amps reads FILE from its standard input, says nothing on stderr and writes log/piped.
+piped() {
+  from=$1
+  shift
+  "$amps" "$@" --quiet <"$from" >log/piped 2>log/err || fail "amps $* <$from: $? $(cat log/err)"
+  [ ! -s log/err ] || fail "amps $* complains: $(cat log/err)"
+}
+for extension in obj off ply stl; do
+  run 0 make torus io.$extension --n 500
+  run 0 remesh io.$extension io_out.$extension --radius 0.2 --samples io.ply --overwrite-input
+  run 0 make torus io.$extension --n 500
+  piped io.$extension remesh - - --radius 0.2 --format $extension
+  cmp log/piped io_out.$extension || fail "$extension: not the same through pipes"
+  piped io.$extension remesh - - --radius 0.2 --format=$extension,stl
+  run 0 remesh io.$extension io_out.stl --radius 0.2
+  cmp log/piped io_out.stl || fail "$extension to stl: not the same through pipes"
+  piped io.$extension make torus - --n 500 --format $extension
+  cmp log/piped io.$extension || fail "make to the standard output"
+done
+for extension in xyzr ply csv; do
+  run 0 sample torus.obj io_set.$extension --radius 0.2
+  piped torus.obj sample - - --radius 0.2 --format obj,$extension
+  cmp log/piped io_set.$extension || fail "$extension: not the same samples through a pipe"
+  piped io_set.$extension gaps torus.obj - --format $extension
+done
+head -n 40 io_set.csv >io_holes.csv
+run 3 gaps torus.obj io_holes.csv io_gaps.off
+"$amps" gaps torus.obj - - --format csv,off <io_holes.csv >log/piped 2>log/err || [ $? -eq 3 ] || fail "gaps through a pipe"
+cmp log/piped io_gaps.off || fail "gaps: not the same through pipes"
+grep -q '^maximal *no' log/err || fail "the table is not on stderr: $(cat log/err)"
+piped marked.obj curves - - --borders free --keep - --format obj
+run 0 curves marked.obj io_lines.obj --borders free --keep marked.obj
+cmp log/piped io_lines.obj || fail "curves: not the same through pipes"
+piped torus.obj info - --format obj --json -
+grep -q '"usable": true' log/piped || fail "JSON on the standard output"
+run 0 info torus.obj --json io.json
+grep -v seconds io.json | cmp - log/piped || fail "another JSON"
+piped torus.obj info torus.obj --reference - --format obj --json -
+piped edges.obj render - - --size 200 --curves --format obj
+cmp log/piped lines.png || fail "not the same picture through pipes"
+piped torus.obj remesh torus.obj io.obj --radius 0.2 --samples - --format csv
+run 0 remesh torus.obj io.obj --radius 0.2 --samples io.csv
+cmp log/piped io.csv || fail "--samples -"
+bad "say its --format" info -
+bad "say their --format" sample torus.obj - --radius 0.1
+bad "a mesh is in" info - --format csv
+bad "samples are in" sample torus.obj - --radius 0.1 --format obj
+bad "name them -" info torus.obj --format obj
+bad "second output" remesh torus.obj - --radius 0.1 --format obj --json -
+bad "no lines" curves torus.obj - --format ply
+bad "standard input: it is empty\|standard input: no line" info - --format obj
+"$amps" make torus - --n 500 --format obj >/dev/full 2>log/err && fail "a full device"
+grep -q "standard output: cannot be written" log/err || fail "a full device: $(cat log/err)"
+
 echo "-- inputs that are none"
 printf 'OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n' >range.off
 printf 'OFF\n3 1 0\n0 0 0\n1 0 0\n' >short.off
@@ -431,13 +563,17 @@ done
 bad "radius" remesh torus.obj no.obj --radius 1e-9
 
 echo "-- interruption"
-# interrupted ARGUMENTS...: amps, which would take far longer, stops after a second, says so in one line and changes no file.
+# interrupted SIGNAL CODE ARGUMENTS...: amps, which would take far longer, stops after a second, says so in one line and changes
+# no file.
 interrupted() {
+  signal=$1
+  wanted=$2
+  shift 2
   before=$(ls -R .; cat stopped.*)
   code=0
   # In the foreground: else the program's group gets the signal too, and a second one ends it at once.
-  timeout --foreground --preserve-status -k 20 -s INT 1 "$amps" "$@" >log/out 2>log/err || code=$?
-  [ "$code" -eq 130 ] || fail "amps $* interrupted: returned $code"
+  timeout --foreground --preserve-status -k 20 -s "$signal" 1 "$amps" "$@" >log/out 2>log/err || code=$?
+  [ "$code" -eq "$wanted" ] || fail "amps $* interrupted: returned $code"
   [ "$(cat log/err)" = "amps: interrupted, nothing is written" ] || fail "amps $* interrupted: $(cat log/err)"
   [ ! -s log/out ] || fail "amps $* interrupted: printed $(cat log/out)"
   [ "$before" = "$(ls -R .; cat stopped.*)" ] || fail "amps $* interrupted: changed a file"
@@ -445,10 +581,11 @@ interrupted() {
 if command -v timeout >log/which 2>&1; then
   run 0 make knot big.obj --n 300000
   echo "as it was" >stopped.obj  # one that is there, others that are not
-  interrupted remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
-  interrupted sample big.obj new.xyzr --sizing lfs --rmin 0.0005 --json new.json
-  interrupted info big.obj --reference torus.obj --json new.json
-  interrupted render torus.obj new.png --size 8192
+  interrupted INT 130 remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
+  interrupted INT 130 sample big.obj new.xyzr --sizing lfs --rmin 0.0005 --json new.json
+  interrupted INT 130 info big.obj --reference torus.obj --json new.json
+  interrupted TERM 143 remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
+  interrupted INT 130 render torus.obj new.png --size 8192
 fi
 
 [ "$failures" -eq 0 ] || { echo "$failures failed"; exit 1; }
