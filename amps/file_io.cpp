@@ -158,7 +158,7 @@ void write_whole_stream(std::ostream& out, const std::string& content, const Exe
     run.report(static_cast<double>(at) / static_cast<double>(content.size()));
   }
   out.flush();
-  if (!out) throw Error(ErrorCode::kFileNotFound, "stream: the mesh cannot be written to it; check what it leads to");
+  if (!out) throw Error(ErrorCode::kFileNotFound, "stream: it cannot be written to; check what it leads to");
 }
 
 std::string read_whole_file(const std::filesystem::path& path, const Execution& run) {

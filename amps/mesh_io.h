@@ -114,6 +114,8 @@ void require_writable_file(const std::filesystem::path& path);
 /// a place on the curves that SampleSet does not know: a dimension other than 0, 1, 2, a curve that is not an index (−1 for
 /// dimension 2), a parameter < 0, or one other than 0 off the curves.
 SampleSet read_samples(const std::filesystem::path& path, const Execution& execution = {});
+SampleSet read_samples(std::istream& in, SampleFormat format, const std::string& name = "stream",
+                       const Execution& execution = {});
 SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name = "memory",
                         const Execution& execution = {});
 
@@ -121,6 +123,7 @@ SampleSet parse_samples(std::string_view data, SampleFormat format, const std::s
 /// dimensions, curves and parameters, if present; .xyzr never. Files are replaced as by write_mesh. Throws as write_mesh, and
 /// kInvalidArgument for a set that is empty, whose arrays differ in length, or with a value read_samples would refuse.
 void write_samples(const std::filesystem::path& path, const SampleSet& samples, const Execution& execution = {});
+void write_samples(std::ostream& out, const SampleSet& samples, SampleFormat format, const Execution& execution = {});
 std::string format_samples(const SampleSet& samples, SampleFormat format, const Execution& execution = {});
 
 /// Reads numbers, any white space between, `#` comments skipped: one value a vertex, say, for vertex_sizing. Their count is for

@@ -134,6 +134,9 @@ class KeptMarks {
   void require_all(const MatchedVertices& matched) {
     for (std::size_t i = 0; i < marks_.edges.size(); ++i) {
       const Pair edge = marks_.edges[i];
+      if (edge[0] == edge[1]) {
+        fail(marks_.edge_lines[i], "a line from " + shown(edge[0]) + " to itself is no edge; name two vertices");
+      }
       for (const amps::Index v : edge) require_vertex(matched, v, marks_.edge_lines[i]);
       if (pairs_[i][0] == pairs_[i][1]) continue;
       if (!is_edge_[wanted(pairs_[i])]) {

@@ -288,6 +288,11 @@ bad "far.obj: line 11: from vertex 1 (.*) to vertex 9 (.*) there is no edge of f
 { cat flat.obj; echo 'v 5 5 5'; } >lonely.obj
 { echo 'v 5 5 5'; echo 'p 1'; } >point.obj
 bad "point.obj: line 2: vertex 1 (5, 5, 5) is on no facet of lonely.obj" curves lonely.obj --keep point.obj
+for mark in "l 1 99" "l 1 0" "l 2 -10" "p 99" "l 5 5" "l 1 2 2"; do
+  { cat flat.obj; echo "$mark"; } >wrong.obj
+  bad "wrong.obj: line $(wc -l <wrong.obj): .*\(out of range\|to itself\)" curves wrong.obj --keep wrong.obj
+  bad "wrong.obj: line $(wc -l <wrong.obj): .*\(out of range\|to itself\)" remesh flat.obj no.obj --radius 0.3 --keep wrong.obj
+done
 bad "nothing.*no line\|no line" curves box.obj --keep box.obj
 bad "OBJ files only" curves box.obj --keep edges.ply
 bad "missing.obj" curves box.obj --keep missing.obj

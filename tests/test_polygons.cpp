@@ -164,6 +164,8 @@ TEST_CASE("mesh_io: triangle strips, broken comments, and files in wraps") {
   for (const float x : {0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 0.f, 1.f, 0.f, 1.f, 1.f, 0.f}) put(little, x, false);
   for (const std::int32_t index : {4, 0, 1, 3, 2, 0}) put(little, index, false);
   check_is_square(little, MeshFormat::kOff);
+  check_is_square(little.substr(0, little.size() - 4), MeshFormat::kOff);  // without the number of parts of a colour
+  check_refused(little.substr(0, little.size() - 8), MeshFormat::kOff, "byte");
   for (const MeshFormat format : kFormats) {
     check_refused("\x1F\x8B\x08 and more", format, "gzip");
     check_refused("\xFF\xFEv", format, "UTF-16");
