@@ -73,7 +73,7 @@ int run_sample(const Arguments& arguments) {
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.execution.threads);
-  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, kRead));
+  const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, kRead));
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" ? kRead : kSized;
   options.sizing = make_sizing(sizing, mesh, watch.part(kRead, sized));
@@ -181,7 +181,7 @@ int run_remesh(const Arguments& arguments) {
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.sampling.execution.threads);
-  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, kRead));
+  const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, kRead));
   keep_marks(arguments, files, mesh, watch.part(kRead, kMarked), options.curves);
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" ? kMarked : kSized;
@@ -399,6 +399,7 @@ int run_info(const Arguments& arguments) {
       .add("repeated_facets", report.repeated_facets)
       .add("duplicate_vertices", report.duplicate_vertices)
       .add("isolated_vertices", report.isolated_vertices)
+      .add("wild_vertex", report.wild_vertex)
       .add("crossing_polygons", static_cast<amps::Index>(mesh.crossing_polygons.size()));
   add_topology(json, "topology", shape);
   if (report.usable()) {
@@ -450,7 +451,10 @@ int run_info(const Arguments& arguments) {
     table.row("reference", Files::shown(arguments.text("--reference"), Files::kInput));
     print_distance(table, distance);
   }
-  table.row("can be remeshed", report.usable() ? "yes" : "no");
+  if (report.wild_vertex != amps::kNone) {
+    table.row("far from all others", Files::shown_vertex(mesh, report.wild_vertex) + ": correct it, or remove its facets");
+  }
+  table.row("can be remeshed", report.usable() && report.wild_vertex == amps::kNone ? "yes" : "no");
   return kExitDone;
 }
 

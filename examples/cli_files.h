@@ -105,6 +105,22 @@ class Files {
     }
     return result;
   }
+  /// One of which disks of one size can cover all.
+  amps::Mesh mesh_to_sample(const std::string& name, const amps::Execution& execution) const {
+    amps::Mesh result = usable_mesh(name, execution.part(0, 0.9));
+    const amps::Index wild = amps::find_wild_vertex(result, execution.part(0.9, 1));
+    if (wild != amps::kNone) {
+      throw amps::Error(amps::ErrorCode::kInvalidMesh, shown(name, kInput) + ": mesh: " + shown_vertex(result, wild) +
+                                                           " is so far from all others that no radius suits the mesh; " +
+                                                           "correct it, or remove its facets");
+    }
+    return result;
+  }
+  /// A vertex that the user has to find in a file.
+  static std::string shown_vertex(const amps::MeshView& mesh, amps::Index v) {
+    const amps::Vec3 x = mesh.vertices[v];
+    return "vertex " + std::to_string(v) + " (0-based) at " + format("(%.9g, %.9g, %.9g)", x.x(), x.y(), x.z());
+  }
   amps::MeshMarks marks(const std::string& name, const amps::Execution& execution) const {
     if (!is_standard(name)) return amps::read_mesh_marks(name, execution);
     return amps::parse_mesh_marks(data_, mesh_format(name, true), kInput, execution);

@@ -88,6 +88,14 @@ printf 'OFF\n6 2 0\n0 0 0\n4 0 0\n0 4 0\n1 1 -1\n1 1 1\n5 5 0\n3 0 1 2\n3 3 4 5\
 run 0 info crossing.off --json info.json
 { [ "$(number self_intersections info.json)" = 1 ] && grep -q '^self-intersections *1 pair' log/out; } || fail "self-intersections: $(cat log/out)"
 
+awk '/^v / && !done { $2 = 1e12; done = 1 } { print }' sphere.obj >wild.obj
+run 0 info wild.obj --json info.json
+grep -q '^far from all others *vertex 0 (0-based) at (1e+12, ' log/out || fail "a wild vertex: $(cat log/out)"
+grep -q '^can be remeshed *no' log/out || fail "a mesh with a wild vertex can be remeshed"
+[ "$(number wild_vertex info.json)" = 0 ] || fail "a wild vertex is not in the JSON"
+bad "wild.obj: mesh: vertex 0 (0-based) at (1e+12, .*) is so far" remesh wild.obj no.obj --vertices 100
+bad "wild.obj: mesh: vertex 0 (0-based) at (1e+12, .*) is so far" sample wild.obj no.csv --radius 0.1
+
 echo "-- distance to a reference"
 for z in 0 0.5; do
   printf 'OFF\n4 2 0\n0 0 %s\n3 0 %s\n3 4 %s\n0 4 %s\n3 0 1 2\n3 0 2 3\n' $z $z $z $z >flat_$z.off
