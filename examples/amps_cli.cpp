@@ -183,10 +183,14 @@ int run_remesh(const Arguments& arguments) {
   Watch watch(arguments.quiet(), options.sampling.execution.threads);
   const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, kRead));
   keep_marks(arguments, files, mesh, watch.part(kRead, kMarked), options.curves);
+  if (options.sampling.neighborhood == amps::Neighborhood::kSpace && !arguments.quiet()) {
+    std::fprintf(stderr, "amps: note: --neighborhood space keeps no curves: no creases, borders or corners\n");
+  }
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" ? kMarked : kSized;
   options.sampling.sizing = make_sizing(sizing, mesh, watch.part(kMarked, sized));
   options.max_error = error_of(sizing, mesh);
+  const amps::QualityReport input_quality = amps::quality(mesh, watch.part(sized, sized));
   const double seconds_sizing = total.seconds() - seconds_read;
   options.sampling.execution = watch.part(sized, kWorked);
   const Stopwatch work;
@@ -221,11 +225,13 @@ int run_remesh(const Arguments& arguments) {
                                  {"total", total.seconds()}});
 
   const std::ptrdiff_t unused = result.mesh.vertices.rows() - report.output.vertices;  // on parts as thin as r
+  const amps::Index left_out = static_cast<amps::Index>(mesh.triangles.rows()) - report.input.facets;
   Json json = begin_json("remesh");
   json.add("status", amps::name_of(result.status));
   json.add("vertices", static_cast<amps::Index>(result.mesh.vertices.rows()));
   json.add("triangles", static_cast<amps::Index>(result.mesh.triangles.rows()));
   json.add("in_no_triangle", static_cast<amps::Index>(unused));
+  json.add("left_out_of_input", left_out);
   add_radii(json, result.samples);
   add_sampling(json, report.sampling);
   add_optimization(json, report.optimization);
@@ -249,16 +255,20 @@ int run_remesh(const Arguments& arguments) {
   if (asked > 0) vertices += " of " + number(asked) + " asked for";
   table.row("vertices", number(report.input.vertices), vertices);
   table.row("triangles", number(report.input.facets), number(report.output.facets));
+  if (left_out > 0) table.row("triangles left out", number(left_out), "there twice, or of two corners");
   print_topology(table, report.input, report.output);
   print_certificate(table, report.certificate);
   print_curves(table, report.curves);
+  if (result.graph != nullptr && !result.graph->dropped.empty()) {
+    table.row("creases not kept", number(static_cast<amps::Index>(result.graph->dropped.size())) + " edges", "too small for r");
+  }
   print_crossings(table, report);
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
   print_radii(table, result.samples);
   print_optimization(table, options.optimization, report.optimization);
   print_fit(table, options.fit, report.fit);
   print_error(table, options.max_error, report);
-  print_quality(table, report.quality, radius);
+  print_quality(table, report.quality, radius, &input_quality);
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
   print_seconds(table, seconds);
@@ -617,7 +627,7 @@ const std::vector<Command>& commands() {
        run_curves},
       {"gaps",
        "IN SAMPLES [OUT]",
-       "is a set of disks on a mesh maximal?",
+       "say whether a set of disks on a mesh is maximal",
        "SAMPLES is a sample set (.xyzr .ply .csv), made by amps or by anything else. If parts of the mesh IN are in no disk,\n"
        "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not. Disks of sets that say what of the "
        "surface\n"
@@ -685,6 +695,23 @@ void print_help(const Command& command) {
   }
 }
 
+/// Advice for those who call the library, in terms of options.
+std::string in_options(const Arguments& arguments, std::string message) {
+  const std::string limit = "more than max_samples, ";
+  const std::size_t at = message.find(limit), advice = message.find("; use ");
+  if (at == std::string::npos || advice == std::string::npos || advice < at) return message;
+  for (const char* name : {"--vertices", "--rmin", "--rmax", "--error", "--sizing"}) {
+    if (!arguments.has(name)) continue;
+    const bool fewer = name == std::string("--vertices"), file = name == std::string("--sizing");
+    message.replace(
+        advice, std::string::npos,
+        fewer ? "; ask for fewer --vertices"
+              : std::string("; ") + (file ? "use larger radii in " : "use a larger ") + (file ? arguments.text(name) : name));
+    break;
+  }
+  return message.replace(at, limit.size(), "more than ");
+}
+
 int run(const std::vector<std::string>& words) {
   if (words.empty()) throw UsageError("amps: no command given (see 'amps --help')");
   const std::string& name = words.front();
@@ -701,9 +728,15 @@ int run(const std::vector<std::string>& words) {
     known.emplace_back(command.name);
     if (name != command.name) continue;
     const Arguments arguments(command, {words.begin() + 1, words.end()});
-    if (!arguments.has("--help")) return command.run(arguments);
-    print_help(command);
-    return kExitDone;
+    if (arguments.has("--help")) {
+      print_help(command);
+      return kExitDone;
+    }
+    try {
+      return command.run(arguments);
+    } catch (const amps::Error& error) {
+      throw amps::Error(error.code(), in_options(arguments, error.what()));
+    }
   }
   throw UsageError("amps: unknown command " + name + did_you_mean(name, known) + " (see 'amps --help')");
 }

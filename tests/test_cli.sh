@@ -14,12 +14,14 @@ fail() {
   failures=$((failures + 1))
 }
 
-# run CODE ARGUMENTS...: amps returns CODE; prints an error only with 2 and 4, and with 4 one line.
+# run CODE ARGUMENTS...: amps returns CODE; prints an error only with 2 and 4, and with 4 one line. Notes are in log/notes.
 run() {
   wanted=$1
   shift
   code=0
-  "$amps" "$@" >log/out 2>log/err </dev/null || code=$?
+  "$amps" "$@" >log/out 2>log/all </dev/null || code=$?
+  grep '^amps: note: ' log/all >log/notes || :
+  grep -v '^amps: note: ' log/all >log/err || :
   [ "$code" -eq "$wanted" ] || fail "amps $* returned $code, not $wanted: $(head -n 3 log/err)"
   if [ "$wanted" -ne 2 ] && [ "$wanted" -ne 4 ] && [ -s log/err ]; then fail "amps $* complains: $(cat log/err)"; fi
   if [ "$wanted" -eq 4 ] && [ "$(wc -l <log/err)" -ne 1 ]; then fail "amps $*: not one line: $(cat log/err)"; fi
@@ -203,6 +205,7 @@ run 0 remesh plate.obj thin.obj --vertices 2000 --samples thin.xyzr --json thin.
 grep -A 12 '"output"' thin.json | grep -q '"euler_characteristic": 2' || fail "the sides of a plate are joined"
 run 0 gaps plate.obj thin.xyzr --neighborhood surface
 run 0 remesh plate.obj joined.obj --vertices 2000 --neighborhood space --json joined.json --optimize none
+grep -q "^amps: note: --neighborhood space keeps no curves" log/notes || fail "no note about curves"
 grep -A 12 '"output"' joined.json | grep -q '"euler_characteristic": 2' && fail "balls do not join the sides of a plate"
 run 0 sample plate.obj thin.csv --radius 0.05 --neighborhood surface
 run 0 gaps plate.obj thin.csv --neighborhood surface
@@ -246,6 +249,29 @@ head -n 10 edges.ply | grep -q '^property int patch$' || fail "no patches in PLY
 run 0 info edges.ply
 run 0 remesh torus.obj smooth.obj --vertices 500
 grep -q '^g ' smooth.obj && fail "patches of a torus"
+
+echo "-- what the table tells"
+awk '{ print } /^f / && n++ < 5 { print "f", $3, $4, $2 }' torus.obj >twice.obj
+run 0 remesh twice.obj once.obj --vertices 500 --json once.json
+grep -q '^triangles left out *5 ' log/out || fail "facets that are there twice: $(cat log/out)"
+[ "$(number left_out_of_input once.json)" = 5 ] || fail "facets that are there twice are not in the JSON"
+! grep -q 'changed$\|not kept' log/out || fail "a torus is changed: $(cat log/out)"
+run 0 make square equal.obj --n 200
+run 0 remesh equal.obj equal_out.obj --vertices 200
+grep -q '^angles .*(input: 45.00 to 90.00)   worse$' log/out || fail "worse angles are not marked: $(grep ^angles log/out)"
+grep -q '^mean smallest angle .*(input: 45.00)$' log/out || fail "better angles are marked: $(grep ^mean log/out)"
+run 0 remesh torus.obj fused.obj --radius 0.7 --neighborhood space --optimize none
+grep -q '^Euler characteristic *0 .*changed$' log/out || fail "another topology is not marked: $(grep ^Euler log/out)"
+grep -q '^non-manifold edges *0 *[1-9][0-9]*   worse$' log/out || fail "non-manifold edges are not marked"
+# A pyramid too small for the radius.
+{
+  printf 'v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.48 0.48 0\nv 0.52 0.48 0\nv 0.52 0.52 0\nv 0.48 0.52 0\nv 0.5 0.5 0.04\n'
+  printf 'f 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\nf 5 6 9\nf 6 7 9\nf 7 8 9\nf 8 5 9\n'
+} >pyramid.obj
+run 0 remesh pyramid.obj pyramid_out.obj --radius 0.2 --optimize none
+grep -q '^creases not kept *8 edges *too small for r$' log/out || fail "creases that are dropped: $(cat log/out)"
+run 0 remesh pyramid.obj pyramid_out.obj --radius 0.01 --optimize none
+! grep -q '^creases not kept' log/out || fail "creases are dropped: $(cat log/out)"
 
 echo "-- curves found"
 run 0 curves box.obj box_lines.obj --json curves.json
@@ -313,7 +339,7 @@ grep -q '^amps: nothing of the shape is left' log/err || fail "an empty result: 
 grep -q '"status": "shape changed"' lost.json || fail "the status of an empty result: $(grep status lost.json)"
 { [ -s lost.obj ] && [ -s lost.xyzr ]; } || fail "results of a shape that is lost are not written"
 run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --quiet
-[ ! -s log/out ] || fail "--quiet prints"
+{ [ ! -s log/out ] && [ ! -s log/notes ]; } || fail "--quiet prints"
 
 echo "-- the same seed, the same bytes"
 run 0 remesh torus.obj a.off --radius 0.1 --seed 5 --threads 1
@@ -574,6 +600,9 @@ for file in negative.xyzr word.xyzr nothing.xyzr; do
   bad "$file" gaps torus.obj $file no.obj
 done
 bad "radius" remesh torus.obj no.obj --radius 1e-9
+bad "ask for fewer --vertices" sample torus.obj no.csv --sizing lfs --vertices 1000000000
+bad "use a larger --rmin" sample torus.obj no.csv --sizing lfs --rmin 1e-5 --rmax 1e-5
+bad "use a larger --error" sample torus.obj no.csv --error 1e-12
 
 echo "-- interruption"
 # interrupted SIGNAL CODE ARGUMENTS...: amps, which would take far longer, stops after a second, says so in one line and changes
