@@ -88,7 +88,7 @@ inline SizingRequest sizing_request(const Arguments& arguments, bool certified =
 
 /// The file of --sizing, if it is one.
 inline void name_sizing_file(Files& files, const SizingRequest& request) {
-  if (request.kind != "uniform" && request.kind != "lfs" && request.kind != "curvature") {
+  if (request.kind != "uniform" && request.kind != "lfs" && request.kind != "curvature" && request.kind != "error") {
     files.reads("--sizing", sizing_file(request.kind).first, Holds::kOther);
   }
 }
