@@ -4,7 +4,8 @@
 //
 // Read from the bottom: main() finds the command, parses its options and runs it. A command reads, works, writes and prints a
 // table, in that order. Exit codes: 0 done, 2 bad input or usage (one line on stderr says what to do), 3 `gaps` found some, 4
-// `remesh` has lost something of the shape (all files are written, one line on stderr says what is lost), 130 interrupted.
+// `remesh` has lost something of the shape (all files are written, one line on stderr says what is lost), 128 and the signal
+// where one ended it: 130 for Ctrl-C.
 
 #include "amps/amps.h"
 #include "cli_arguments.h"
@@ -19,6 +20,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
@@ -35,7 +37,7 @@ constexpr int kExitDone = 0;
 constexpr int kExitTrouble = 2;
 constexpr int kExitGaps = 3;
 constexpr int kExitShape = 4;
-constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as a shell reports it
+constexpr int kExitSignal = 128;  // and its number, as a shell reports it
 
 /// Where the parts of a command end, of its time: rough, since it depends on input and options.
 constexpr double kRead = 0.03, kMarked = 0.04, kSized = 0.25, kSampled = 0.85, kWorked = 0.96;
@@ -62,13 +64,16 @@ amps::SamplingOptions sampling_options(const Arguments& arguments, amps::Neighbo
 int run_sample(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments);
   amps::SamplingOptions options = sampling_options(arguments, amps::Neighborhood::kSpace);
-  require_sample_output(arguments, arguments.operand(1));
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
-  require_distinct(arguments, arguments.operand(1), {"--json"});
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  name_sizing_file(files, sizing);
+  files.writes("OUT", arguments.operand(1), Holds::kSamples);
+  files.writes("--json", Holds::kOther);
+  files.look();
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.execution.threads);
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
+  const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, kRead));
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" ? kRead : kSized;
   options.sizing = make_sizing(sizing, mesh, watch.part(kRead, sized));
@@ -81,8 +86,7 @@ int run_sample(const Arguments& arguments) {
       amps::verify_maximal(mesh, result.samples, watch.part(kSampled, kWorked), options.conflict_rule, options.neighborhood);
   const double seconds_verify = verify.seconds();
   const Stopwatch write;
-  amps::write_samples(arguments.operand(1), result.samples, watch.part(kWorked, 1));
-  watch.finish();
+  files.write(arguments.operand(1), result.samples, watch.part(kWorked, 1));
   Seconds seconds{{"read", seconds_read}, {"sizing", seconds_sizing}};
   for (const auto& stage : seconds_of(result.report)) seconds.push_back(stage);
   seconds.insert(seconds.end(), {{"verify", seconds_verify}, {"write", write.seconds()}, {"total", total.seconds()}});
@@ -94,9 +98,10 @@ int run_sample(const Arguments& arguments) {
   add_sampling(json, result.report);
   add_maximality(json, certificate);
   add_seconds(json, seconds);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   table.row("samples", number(result.samples.size()));
   table.row("of darts and of gaps", number(result.report.dart_samples) + " and " + number(result.report.gap_samples));
   print_radii(table, result.samples);
@@ -141,11 +146,12 @@ int complain(std::string message, int code = kExitTrouble) {
 }
 
 /// Writes the result; with its curves, if it has any, as lines and its patches as labels.
-void write_result(const std::string& path, const amps::RemeshResult& result, const amps::Execution& execution) {
+void write_result(const Files& files, const std::string& name, const amps::RemeshResult& result,
+                  const amps::Execution& execution) {
   amps::MeshWriteOptions writing;
   writing.edges = result.curve_edges;
   if (!writing.edges.empty()) writing.labels = result.patches;
-  amps::write_mesh(path, result.mesh, writing, execution);
+  files.write(name, result.mesh, writing, execution);
 }
 
 amps::Fit fit_of(const Arguments& arguments) {
@@ -172,20 +178,28 @@ int run_remesh(const Arguments& arguments) {
   options.fit = fit_of(arguments);
   options.topology = topology_of(arguments);
   options.least_error = sizing.kind == "error";
-  if (arguments.has("--convergence")) require_writable(arguments, arguments.text("--convergence"));
-  require_mesh_output(arguments, arguments.operand(1));
-  if (arguments.has("--samples")) require_sample_output(arguments, arguments.text("--samples"));
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
-  require_distinct(arguments, arguments.operand(1), {"--samples", "--convergence", "--json"});
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--keep", Holds::kLines);
+  name_sizing_file(files, sizing);
+  files.writes("OUT", arguments.operand(1), Holds::kMesh);
+  files.writes("--samples", Holds::kSamples);
+  files.writes("--convergence", Holds::kOther);
+  files.writes("--json", Holds::kOther);
+  files.look();
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.sampling.execution.threads);
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
-  keep_marks(arguments, mesh, watch.part(kRead, kMarked), options.curves);
+  const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, kRead));
+  keep_marks(arguments, files, mesh, watch.part(kRead, kMarked), options.curves);
+  if (options.sampling.neighborhood == amps::Neighborhood::kSpace && !arguments.quiet()) {
+    std::fprintf(stderr, "amps: note: --neighborhood space keeps no curves: no creases, borders or corners\n");
+  }
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" || sizing.kind == "error" ? kMarked : kSized;
   options.sampling.sizing = make_sizing(sizing, mesh, watch.part(kMarked, sized));
   options.max_error = error_of(sizing, mesh);
+  const amps::QualityReport input_quality = amps::quality(mesh, watch.part(sized, sized));
   const double seconds_sizing = total.seconds() - seconds_read;
   options.sampling.execution = watch.part(sized, kWorked);
   const Stopwatch work;
@@ -194,14 +208,13 @@ int run_remesh(const Arguments& arguments) {
   const double seconds_work = work.seconds();
   const Stopwatch write;
   // An interruption leaves all files as they were, or, once the first is in place, none: the others are then written too.
-  write_result(arguments.operand(1), result, watch.part(kWorked, 1));
-  if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
+  write_result(files, arguments.operand(1), result, watch.part(kWorked, 1));
+  if (arguments.has("--samples")) files.write(arguments.text("--samples"), result.samples, {});
   if (arguments.has("--convergence")) {
     std::ostringstream convergence;
     amps::write_convergence(convergence, result.report.optimization);
-    write_file(arguments.text("--convergence"), convergence.str());
+    files.write(arguments.text("--convergence"), convergence.str());
   }
-  watch.finish();
   const double seconds_write = write.seconds();
 
   const amps::RemeshReport& report = result.report;
@@ -221,11 +234,13 @@ int run_remesh(const Arguments& arguments) {
                                  {"total", total.seconds()}});
 
   const std::ptrdiff_t unused = result.mesh.vertices.rows() - report.output.vertices;  // on parts as thin as r
+  const amps::Index left_out = static_cast<amps::Index>(mesh.triangles.rows()) - report.input.facets;
   Json json = begin_json("remesh");
   json.add("status", amps::name_of(result.status));
   json.add("vertices", static_cast<amps::Index>(result.mesh.vertices.rows()));
   json.add("triangles", static_cast<amps::Index>(result.mesh.triangles.rows()));
   json.add("in_no_triangle", static_cast<amps::Index>(unused));
+  json.add("left_out_of_input", left_out);
   add_radii(json, result.samples);
   add_sampling(json, report.sampling);
   add_optimization(json, report.optimization);
@@ -239,25 +254,30 @@ int run_remesh(const Arguments& arguments) {
   add_topology(json, "input", report.input);
   add_topology(json, "output", report.output);
   add_seconds(json, seconds);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   table.row("", "input", "output");
   const amps::Index asked = options.sampling.target_count;
   std::string vertices = std::to_string(result.mesh.vertices.rows());
   if (asked > 0) vertices += " of " + number(asked) + " asked for";
   table.row("vertices", number(report.input.vertices), vertices);
   table.row("triangles", number(report.input.facets), number(report.output.facets));
+  if (left_out > 0) table.row("triangles left out", number(left_out), "there twice, or of two corners");
   print_topology(table, report.input, report.output);
   print_certificate(table, report.certificate);
   print_curves(table, report.curves);
+  if (result.graph != nullptr && !result.graph->dropped.empty()) {
+    table.row("creases not kept", number(static_cast<amps::Index>(result.graph->dropped.size())) + " edges", "too small for r");
+  }
   print_crossings(table, report);
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
   print_radii(table, result.samples);
   print_optimization(table, options.optimization, report.optimization);
   print_fit(table, options.fit, report.fit);
   print_error(table, options, report);
-  print_quality(table, report.quality, radius);
+  print_quality(table, report.quality, radius, &input_quality);
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
   print_seconds(table, seconds);
@@ -278,39 +298,48 @@ int run_curves(const Arguments& arguments) {
   }
   options.radius = arguments.positive("--radius");
   const auto vertices = static_cast<double>(arguments.whole("--vertices", 0, 1, kMostVertices));
-  if (arguments.operands() > 1) require_line_output(arguments, arguments.operand(1));
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--keep", Holds::kLines);
+  if (arguments.operands() > 1) files.writes("OUT", arguments.operand(1), Holds::kLines);
+  files.writes("--json", Holds::kOther);
+  files.look();
   Watch watch(arguments.quiet(), threads_of(arguments));
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.4));
-  keep_marks(arguments, mesh, watch.part(0.4, 0.5), options);
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, 0.4));
+  keep_marks(arguments, files, mesh, watch.part(0.4, 0.5), options);
   if (vertices > 0) options.radius = first_radius(mesh, vertices);
   options.execution = watch.part(0.5, 0.9);
   const amps::CurveGraph graph = amps::find_curves(mesh, options);
   const bool writes = arguments.operands() > 1 && !graph.empty();
-  if (writes) write_graph(arguments.operand(1), mesh, graph, watch.part(0.9, 1));
-  watch.finish();
+  if (writes) write_graph(files, arguments.operand(1), mesh, graph, watch.part(0.9, 1));
 
   Json json = begin_json("curves");
   json.add("radius", options.radius);
   add_graph(json, graph);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   print_graph(table, graph);
   table.row("radius r", options.radius > 0 ? number(options.radius) : "none: creases of all sizes");
   if (arguments.operands() > 1) {
-    table.row("lines", writes ? "in " + arguments.operand(1) : "none, " + arguments.operand(1) + " is not written");
+    const std::string out = Files::shown(arguments.operand(1), Files::kOutput);
+    table.row("lines", writes ? "in " + out : "none, " + out + " is not written");
   }
   return kExitDone;
 }
 
 int run_gaps(const Arguments& arguments) {
   neighborhood_of(arguments, amps::Neighborhood::kSpace);  // refuses other names, before the work
-  if (arguments.operands() > 2) require_mesh_output(arguments, arguments.operand(2));
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("SAMPLES", arguments.operand(1), Holds::kSamples);
+  if (arguments.operands() > 2) files.writes("OUT", arguments.operand(2), Holds::kMesh);
+  files.writes("--json", Holds::kOther);
+  files.look();
   Watch watch(arguments.quiet(), threads_of(arguments));
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.05));
-  const amps::SampleSet samples = amps::read_samples(arguments.operand(1), watch.part(0.05, 0.1));
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, 0.05));
+  const amps::SampleSet samples = files.samples(arguments.operand(1), watch.part(0.05, 0.1));
   // Sets that say what of the surface their samples are on are those of remesh.
   const amps::Neighborhood neighborhood =
       neighborhood_of(arguments, samples.dimensions.empty() ? amps::Neighborhood::kSpace : amps::Neighborhood::kSurface);
@@ -319,17 +348,17 @@ int run_gaps(const Arguments& arguments) {
   const double area = amps::total_area(mesh, watch.part(0.5, 0.51));
   if (arguments.operands() > 2 && report.gaps > 0) {
     const amps::GapSet gaps = amps::find_gaps(mesh, samples, watch.part(0.51, kWorked), neighborhood);
-    amps::write_mesh(arguments.operand(2), gaps.primitives, {}, watch.part(kWorked, 1));
+    files.write(arguments.operand(2), gaps.primitives, {}, watch.part(kWorked, 1));
   }
-  watch.finish();
 
   Json json = begin_json("gaps");
   json.add("samples", samples.size()).add("surface_area", area);
   add_radii(json, samples);
   add_maximality(json, report);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   table.row("samples", number(samples.size()));
   print_radii(table, samples);
   table.row("maximal", report.maximal() ? "yes" : "no");
@@ -338,20 +367,25 @@ int run_gaps(const Arguments& arguments) {
   table.row("gaps", number(report.gaps));
   table.row("area of gaps", format("%.6g   (%.3g %% of the surface)", report.gap_area, 100 * report.gap_area / area));
   if (arguments.operands() > 2) {
-    table.row("gap primitives",
-              report.gaps > 0 ? "in " + arguments.operand(2) : "none, " + arguments.operand(2) + " is not written");
+    const std::string out = Files::shown(arguments.operand(2), Files::kOutput);
+    table.row("gap primitives", report.gaps > 0 ? "in " + out : "none, " + out + " is not written");
   }
   return report.maximal() ? kExitDone : kExitGaps;
 }
 
 int run_info(const Arguments& arguments) {
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--reference", Holds::kMesh);
+  files.writes("--json", Holds::kOther);
+  files.look();
   const bool compare = arguments.has("--reference");
   Watch watch(arguments.quiet(), threads_of(arguments));
   amps::DistanceOptions options;
   const double looked = compare ? 0.1 : 1;  // distances take far longer than all the rest
   const amps::Execution reading = watch.part(0, 0.25 * looked);
-  const amps::Mesh mesh = compare ? load(arguments.operand(0), reading) : amps::read_mesh(arguments.operand(0), reading);
+  const amps::Mesh mesh =
+      compare ? files.usable_mesh(arguments.operand(0), reading) : files.mesh(arguments.operand(0), reading);
   const amps::MeshReport report = amps::check(mesh, watch.part(0.25 * looked, 0.6 * looked));
   const amps::TopologyReport& shape = report.topology;
   const amps::QualityReport quality =
@@ -366,11 +400,10 @@ int run_info(const Arguments& arguments) {
   const amps::CurveGraph graph = report.usable() ? amps::find_curves(mesh, curves) : amps::CurveGraph();
   amps::DistanceReport distance;
   if (compare) {
-    const amps::Mesh reference = load(arguments.text("--reference"), watch.part(looked, looked + 0.05));
+    const amps::Mesh reference = files.usable_mesh(arguments.text("--reference"), watch.part(looked, looked + 0.05));
     options.execution = watch.part(looked + 0.05, 1);
     distance = amps::surface_distance(reference, mesh, options);
   }
-  watch.finish();
 
   Json json = begin_json("info");
   json.add("usable", report.usable())
@@ -385,6 +418,7 @@ int run_info(const Arguments& arguments) {
       .add("repeated_facets", report.repeated_facets)
       .add("duplicate_vertices", report.duplicate_vertices)
       .add("isolated_vertices", report.isolated_vertices)
+      .add("wild_vertex", report.wild_vertex)
       .add("crossing_polygons", static_cast<amps::Index>(mesh.crossing_polygons.size()));
   add_topology(json, "topology", shape);
   if (report.usable()) {
@@ -394,9 +428,10 @@ int run_info(const Arguments& arguments) {
     add_quality(json, quality, 0);
   }
   if (compare) add_distance(json, arguments.text("--reference"), distance);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   const auto count = [&](const char* name, amps::Index n) { table.row(name, number(n)); };
   const auto trouble = [&](const char* name, amps::Index n) {
     if (n > 0) count(name, n);
@@ -432,10 +467,13 @@ int run_info(const Arguments& arguments) {
     print_quality(table, quality, 0);
   }
   if (compare) {
-    table.row("reference", arguments.text("--reference"));
+    table.row("reference", Files::shown(arguments.text("--reference"), Files::kInput));
     print_distance(table, distance);
   }
-  table.row("can be remeshed", report.usable() ? "yes" : "no");
+  if (report.wild_vertex != amps::kNone) {
+    table.row("far from all others", Files::shown_vertex(mesh, report.wild_vertex) + ": correct it, or remove its facets");
+  }
+  table.row("can be remeshed", report.usable() && report.wild_vertex == amps::kNone ? "yes" : "no");
   return kExitDone;
 }
 
@@ -466,12 +504,14 @@ int run_make(const Arguments& arguments) {
   constexpr std::uint64_t kDefaultTriangles = 10000;
   constexpr std::uint64_t kMostTriangles = 100000000;
   const auto n = static_cast<double>(arguments.whole("--n", kDefaultTriangles, 1, kMostTriangles));
-  require_mesh_output(arguments, arguments.operand(1));
+  Files files(arguments);
+  files.writes("OUT", arguments.operand(1), Holds::kMesh);
+  files.look();
   Watch watch(arguments.quiet(), 1);
   const amps::Mesh mesh = make_shape(arguments, arguments.operand(0), n);
-  amps::write_mesh(arguments.operand(1), mesh, {}, watch.part(0.2, 1));
+  files.write(arguments.operand(1), mesh, {}, watch.part(0.2, 1));
   watch.finish();
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   table.row("vertices", std::to_string(mesh.vertices.rows()));
   table.row("triangles", std::to_string(mesh.triangles.rows()));
   return kExitDone;
@@ -495,19 +535,24 @@ int run_render(const Arguments& arguments) {
   std::string extension = fs::path(arguments.operand(1)).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
-  if (extension != ".png") throw arguments.error("cannot draw " + arguments.operand(1) + ": name a .png file");
-  require_writable(arguments, arguments.operand(1));
+  if (extension != ".png" && arguments.operand(1) != "-") {
+    throw arguments.error("cannot draw " + arguments.operand(1) + ": name a .png file");
+  }
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.writes("OUT", arguments.operand(1), Holds::kOther);
+  files.look();
   Watch watch(arguments.quiet(), threads_of(arguments));
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, kRead));
   if (curves) {
-    const bool marked = !arguments.has("--features") && amps::mesh_format(arguments.operand(0)) == amps::MeshFormat::kObj;
-    if (marked) options.curves = amps::read_mesh_marks(arguments.operand(0), watch.part(kRead, 0.05)).edges;
+    const bool marked = !arguments.has("--features") && files.mesh_format(arguments.operand(0), true) == amps::MeshFormat::kObj;
+    if (marked) options.curves = files.marks(arguments.operand(0), watch.part(kRead, 0.05)).edges;
     finding.execution = watch.part(0.05, 0.1);
     if (options.curves.empty()) options.curves = edges_of(amps::find_curves(mesh, finding));
   }
   options.execution = watch.part(0.1, 0.6);
   const render::Image image = render::draw(mesh, options);
-  write_file(arguments.operand(1), render::encode_png(image, watch.part(0.6, 1)));
+  files.write(arguments.operand(1), render::encode_png(image, watch.part(0.6, 1)));
   watch.finish();
   return kExitDone;
 }
@@ -594,7 +639,7 @@ const std::vector<Command>& commands() {
        run_curves},
       {"gaps",
        "IN SAMPLES [OUT]",
-       "is a set of disks on a mesh maximal?",
+       "say whether a set of disks on a mesh is maximal",
        "SAMPLES is a sample set (.xyzr .ply .csv), made by amps or by anything else. If parts of the mesh IN are in no disk,\n"
        "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not. Disks of sets that say what of the "
        "surface\n"
@@ -648,7 +693,7 @@ void print_help() {
   std::printf("\n'amps COMMAND --help' tells the options of a command, 'amps --version' the version.\n");
   std::printf(
       "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape or missed --error, 130 "
-      "interrupted.\n");
+      "interrupted, 143 terminated.\n");
 }
 
 void print_help(const Command& command) {
@@ -660,6 +705,23 @@ void print_help(const Command& command) {
       std::printf("  %-18s %s\n", name.c_str(), option.help);
     }
   }
+}
+
+/// Advice for those who call the library, in terms of options.
+std::string in_options(const Arguments& arguments, std::string message) {
+  const std::string limit = "more than max_samples, ";
+  const std::size_t at = message.find(limit), advice = message.find("; use ");
+  if (at == std::string::npos || advice == std::string::npos || advice < at) return message;
+  for (const char* name : {"--vertices", "--rmin", "--rmax", "--error", "--sizing"}) {
+    if (!arguments.has(name)) continue;
+    const bool fewer = name == std::string("--vertices"), file = name == std::string("--sizing");
+    message.replace(
+        advice, std::string::npos,
+        fewer ? "; ask for fewer --vertices"
+              : std::string("; ") + (file ? "use larger radii in " : "use a larger ") + (file ? arguments.text(name) : name));
+    break;
+  }
+  return message.replace(at, limit.size(), "more than ");
 }
 
 int run(const std::vector<std::string>& words) {
@@ -678,9 +740,15 @@ int run(const std::vector<std::string>& words) {
     known.emplace_back(command.name);
     if (name != command.name) continue;
     const Arguments arguments(command, {words.begin() + 1, words.end()});
-    if (!arguments.has("--help")) return command.run(arguments);
-    print_help(command);
-    return kExitDone;
+    if (arguments.has("--help")) {
+      print_help(command);
+      return kExitDone;
+    }
+    try {
+      return command.run(arguments);
+    } catch (const amps::Error& error) {
+      throw amps::Error(error.code(), in_options(arguments, error.what()));
+    }
   }
   throw UsageError("amps: unknown command " + name + did_you_mean(name, known) + " (see 'amps --help')");
 }
@@ -690,8 +758,11 @@ int run(const std::vector<std::string>& words) {
 int main(int argc, char** argv) {
   const auto interruption = [] {
     std::fprintf(stderr, "amps: interrupted, nothing is written\n");
-    return kExitInterrupted;
+    return kExitSignal + interrupted;
   };
+#ifdef SIGXFSZ
+  std::signal(SIGXFSZ, SIG_IGN);  // writing then fails, and what is half-written is taken away
+#endif
   try {
     const int code = run({argv + 1, argv + argc});
     if (std::fflush(stdout) != 0) return complain("cannot write to the standard output");

@@ -94,6 +94,13 @@ inline SizingRequest sizing_request(const Arguments& arguments, bool certified =
   return request;
 }
 
+/// The file of --sizing, if it is one.
+inline void name_sizing_file(Files& files, const SizingRequest& request) {
+  if (request.kind != "uniform" && request.kind != "lfs" && request.kind != "curvature" && request.kind != "error") {
+    files.reads("--sizing", sizing_file(request.kind).first, Holds::kOther);
+  }
+}
+
 inline amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name, const amps::Execution& execution) {
   const auto [file, property] = sizing_file(name);
   const std::vector<double> radii =
