@@ -98,8 +98,9 @@ void require_feasible_radii(double min, double max, double density, const Box& b
   const double expected = kSamplesPerDensity * density;
   if (!(expected < options.max_samples)) {
     const double factor = std::sqrt(expected / options.max_samples) * 1.01;
-    throw Error(ErrorCode::kTooLarge, "sampling: " + what + " need about " + number_text(expected) +
-                                          " samples, more than max_samples, " + std::to_string(options.max_samples) + "; use " +
+    throw Error(ErrorCode::kTooLarge, "sampling: " + what + (uniform ? " needs about " : " need about ") +
+                                          number_text(expected) + " samples, more than max_samples, " +
+                                          std::to_string(options.max_samples) + "; use " +
                                           (uniform ? "a radius of at least " + number_text(min * factor)
                                                    : "a sizing field scaled by at least " + number_text(factor)));
   }
