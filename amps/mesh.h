@@ -51,6 +51,12 @@ struct SurfacePoint {
 /// for more than 2^31 − 1 vertices or facets. Everything else works.
 void require_usable(const MeshView& mesh, const Execution& execution = {});
 
+/// A vertex so far away that no radius suits the mesh: more than 0.95 of the corners of facets lie so near to each other,
+/// beside the size of the whole, that they would be nothing to the least disks that sampling takes (10⁻⁶ of the diagonal). The
+/// farthest such vertex; kNone if there is none, as in meshes of fewer than 12 facets. Facets with a vertex that is out of
+/// range or not finite do not count. O(#F) where there is one, else next to nothing but the box.
+Index find_wild_vertex(const MeshView& mesh, const Execution& execution = {});
+
 // All functions of this file are O(#V + #F) expected and thread-safe. They use no thread of their Execution, and throw
 // Error(kCancelled) if stopped through it. Those below, but topology() and check(), throw Error(kInvalidMesh) for an index out
 // of range.
@@ -111,7 +117,8 @@ struct MeshReport {
   Index repeated_facets = 0;        ///< all corners at the positions of an earlier facet's, in any order: they are left out
   Index duplicate_vertices = 0;     ///< equal coordinates to an earlier vertex
   Index isolated_vertices = 0;
-  double area = 0;  ///< without repeated facets
+  Index wild_vertex = kNone;  ///< as find_wild_vertex()
+  double area = 0;            ///< without repeated facets
   Box box;
   TopologyReport topology;  ///< of the facets whose indices are in range
   bool usable() const {

@@ -83,9 +83,11 @@ struct MeshWriteOptions {
 /// the shortest that read back exactly (at most 17 significant digits), those in PLY are doubles. STL is binary and keeps
 /// single precision only.
 ///
-/// The file is written under a temporary name in the same directory and renamed when complete, so a failure leaves what was
-/// there before, and no temporary. An existing file keeps its permissions; a link is followed; a device or pipe is written in
-/// place. Throws Error: kFileNotFound (no directory, no permission, disk full), kFileFormat (unknown extension), kInvalidMesh
+/// The file is written under a temporary name (.amps-0.tmp) in the same directory and renamed when complete, so a failure
+/// leaves what was there before, and no temporary. What a killed program left, the next writer takes away. An existing file
+/// keeps its permissions and owner; a link is followed; a file with other names (hard links) or of an owner that cannot be kept
+/// so is written in place, as is a device or pipe; one that the caller may not write is refused. Access control lists are not
+/// carried over. Throws Error: kFileNotFound (no directory, no permission, disk full), kFileFormat (unknown extension), kInvalidMesh
 /// (coordinates that are not finite, or not in single precision for STL; indices out of range), kInvalidArgument (labels that
 /// are not one a facet; a name of them that is no name). O(#V + #F).
 void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options = {},
@@ -98,6 +100,12 @@ void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, cons
 std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},
                         const Execution& execution = {});
 
+/// Any content, such as a picture or a table beside a mesh, is written to a file as meshes are.
+void write_file(const std::filesystem::path& path, const std::string& content, const Execution& execution = {});
+
+/// Throws the Error(kFileNotFound) that writers would throw before they write, if it can be known: for a look before the work.
+void require_writable_file(const std::filesystem::path& path);
+
 /// Reads a sample set. .xyzr: four numbers a line; blank lines and `#` comments are skipped. .csv: a header line naming the
 /// columns x, y, z, radius (or r) and, optionally, facet, b0, b1, b2 and dimension, curve, parameter, in any order; other
 /// columns are skipped. .ply: vertex properties of these names. Facets and barycentrics are filled if all four columns are
@@ -106,6 +114,8 @@ std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWrite
 /// a place on the curves that SampleSet does not know: a dimension other than 0, 1, 2, a curve that is not an index (−1 for
 /// dimension 2), a parameter < 0, or one other than 0 off the curves.
 SampleSet read_samples(const std::filesystem::path& path, const Execution& execution = {});
+SampleSet read_samples(std::istream& in, SampleFormat format, const std::string& name = "stream",
+                       const Execution& execution = {});
 SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name = "memory",
                         const Execution& execution = {});
 
@@ -113,6 +123,7 @@ SampleSet parse_samples(std::string_view data, SampleFormat format, const std::s
 /// dimensions, curves and parameters, if present; .xyzr never. Files are replaced as by write_mesh. Throws as write_mesh, and
 /// kInvalidArgument for a set that is empty, whose arrays differ in length, or with a value read_samples would refuse.
 void write_samples(const std::filesystem::path& path, const SampleSet& samples, const Execution& execution = {});
+void write_samples(std::ostream& out, const SampleSet& samples, SampleFormat format, const Execution& execution = {});
 std::string format_samples(const SampleSet& samples, SampleFormat format, const Execution& execution = {});
 
 /// Reads numbers, any white space between, `#` comments skipped: one value a vertex, say, for vertex_sizing. Their count is for

@@ -231,12 +231,19 @@ void RestrictedPowerDiagram::enter_local_facets(Index s) {
   localize_foreign(s);
 }
 
-/// A fragment of a local facet near x, found from the facet's first one by moving to whoever beyond an edge has less power
-/// there. In doubles: it is only where a search begins.
+/// A fragment of a local facet near x, found from that of a site near by, or else the facet's first one, by moving to whoever
+/// beyond an edge has less power there. In doubles: it is only where a search begins.
 Index RestrictedPowerDiagram::local_fragment_near(Index facet, const Vec3& x) const {
-  Index at = first_of_facet(facet);
   const auto power = [&](Index s) { return (site(s).position() - x).squaredNorm() - site(s).w; };
-  for (double least = INFINITY; at != kNone;) {
+  double least = INFINITY;
+  Index at = first_of_facet(facet);
+  site_tree_.visit_cube(x, [&](Index s) {
+    const Index near = power(s) < least ? fragment_of(facet, s) : kNone;
+    if (near == kNone) return;
+    least = power(s);
+    at = near;
+  });
+  for (least = INFINITY; at != kNone;) {
     const Polygon here = polygon(at);
     if (here.site == kNone) return kNone;
     least = std::min(least, power(here.site));

@@ -53,6 +53,10 @@ struct RemeshOptions {
   /// follow from curvature, up to a quarter of the diagonal. Where the result is farther off they fall and all is done again, a
   /// few times. The distance is that of the final mesh, after optimisation and fit; without enough of either, kErrorMissed.
   double max_error = 0;
+  /// The samples of `sampling.target_count`, which must be given, are spent where they lower that distance most: radii follow
+  /// from curvature unless there is a sizing, and as long as that helps, they fall where the result is farthest off and grow
+  /// elsewhere. The distance is reported as of max_error. Takes the time of some dozen runs.
+  bool least_error = false;
   /// Means nothing where disks are balls.
   Topology topology = Topology::kPreserve;
   /// Improve angles and valences of the maximal set.
@@ -94,7 +98,7 @@ struct RemeshReport {
   /// are balls. (`failures` are of sites of the diagram: of vertices, where nothing was optimised.)
   TopologyCertificate certificate;
   /// Of surface and result: no point is farther off than this, proved by surface_distance(); and some point is as far as the
-  /// lower one. Of RemeshOptions::max_error only, else both 0.
+  /// lower one. Of RemeshOptions::max_error and least_error only, else both 0.
   double hausdorff_bound = 0;
   double hausdorff_lower = 0;
   int further_runs = 0;      ///< with smaller radii, where triangles crossed or the result was farther off than max_error

@@ -88,6 +88,12 @@ struct Sample {
   const Vec3& position() const { return at.position; }
 };
 
+/// A sample that does not lie on a curve.
+struct FaceSample {
+  Sample sample;
+  bool of_darts;  ///< or of gap filling
+};
+
 /// Throws Error(kInvalidArgument) for disks that know their surface under the min rule.
 void require_neighborhood(Neighborhood neighborhood, ConflictRule rule);
 

@@ -39,6 +39,15 @@ class SiteTree {
     erase(nodes_[at].entries, site);
   }
 
+  /// Calls visit(site) for the sites of the smallest cube that a point is in: a few near ones, or none.
+  template <class Visit>
+  void visit_cube(const Vec3& x, const Visit& visit) const {
+    if (!is_inside(x)) return;
+    std::size_t at = 0;
+    while (nodes_[at].first_child != 0) at = nodes_[at].first_child + octant(nodes_[at], x);
+    for (const Entry& entry : nodes_[at].entries) visit(entry.site);
+  }
+
   /// Calls visit(site) for all sites in cubes for which wants(least, most, weight) is true: the least and the greatest distance
   /// of their points from x, and a weight that none of their sites exceeds. In an order that depends on the history of edits.
   template <class Wants, class Visit>

@@ -4,7 +4,6 @@
 #include "amps/execution.h"
 #include "amps/mesh_edges.h"
 #include "amps/spatial_sort.h"
-#include "amps/surface_tree.h"
 
 #include <algorithm>
 #include <array>
@@ -115,6 +114,18 @@ class OneSidedMeasure {
         tolerance_(options.tolerance * diagonal),
         spacing_(options.spacing * diagonal),
         options_(options) {}
+
+  /// Points farther than `distance`: where there are any, not fewer than one in each piece of a facet under one facet of `to`.
+  /// Throws Error(kCancelled) when cancelled.
+  std::vector<detail::FarPoint> far_points(double distance, const TimeShares& shares) {
+    constexpr double kSlack = 0.01;
+    far_ = distance;
+    tolerance_ = kSlack * distance;
+    measure_vertices(shares.part(1));
+    upper_.assign(detail::slot(from_.num_facets()), std::numeric_limits<double>::infinity());
+    enclose(shares.part(2));
+    return std::move(far_points_);
+  }
 
   /// Shares: those of the search tree, of measuring and of cutting. Throws Error(kCancelled) when cancelled.
   OneSidedDistance run(const TimeShares& shares) {
@@ -261,7 +272,7 @@ class OneSidedMeasure {
   }
 
   /// Pieces whose bound is at most this need no cut.
-  double goal() const { return farthest_.point.distance + tolerance_; }
+  double goal() const { return (far_ > 0 ? far_ : farthest_.point.distance) + tolerance_; }
 
   /// Cuts pieces until no bound exceeds the goal. They queue, and are cut in batches with the goal as it was before: so the
   /// number of threads changes nothing. (First come, first served: the best first would save nothing, for the sampling of
@@ -270,7 +281,9 @@ class OneSidedMeasure {
     std::deque<DistancePiece> queue;
     double settled = 0;  // the highest bound of the pieces that need no cut
     const auto keep = [&](const DistancePiece& piece) {
-      if (piece.upper > goal()) {
+      if (far_ > 0 && greatest_of(piece.corners) > far_) {
+        list_far_points(piece);
+      } else if (piece.upper > goal()) {
         queue.push_back(piece);
       } else {
         settled = std::max(settled, piece.upper);
@@ -319,6 +332,12 @@ class OneSidedMeasure {
     }
     for (const DistancePiece& piece : queue) settled = std::max(settled, piece.upper);
     result_.hausdorff = std::max(settled, farthest_.point.distance);
+  }
+
+  void list_far_points(const DistancePiece& piece) {
+    for (const DistancePoint& p : piece.corners) {
+      if (p.distance > far_) far_points_.push_back({piece.facet, p.nearest, p.distance, position(piece.facet, p.barycentric)});
+    }
   }
 
   /// Lowers piece.upper as far as is worth it: to the goal.
@@ -379,18 +398,32 @@ class OneSidedMeasure {
     if (piece.border_cuts < kBorderCuts && longest.length <= kTooLarge * LongestSide(corners_of(to_, piece.over)).length &&
         border_sides(piece, x, side)) {
       cut_along_border(piece, x, side, cut);
+      for (std::size_t k = 0; k < cut.count; ++k) cut.parts[k].border_cuts = piece.border_cuts + 1;
+    } else if (across_sides(x, longest, side)) {
+      cut_along_border(piece, x, side, cut);
+      for (std::size_t k = 0; k < cut.count; ++k) cut.parts[k].border_cuts = 0;
     } else {
       const DistancePoint &a = piece.corners[longest.k], &b = piece.corners[(longest.k + 1) % 3],
                           &c = piece.corners[(longest.k + 2) % 3];
       const DistancePoint middle = measure(piece.facet, (a.barycentric + b.barycentric) / 2, a.nearest);
       cut.add(piece, {a, middle, c});
       cut.add(piece, {middle, b, c});
+      for (std::size_t k = 0; k < cut.count; ++k) cut.parts[k].border_cuts = 0;
     }
-    for (std::size_t k = 0; k < cut.count; ++k) {
-      cut.parts[k].border_cuts = cut.count == 3 ? piece.border_cuts + 1 : 0;
-      bound(cut.parts[k]);
-    }
+    for (std::size_t k = 0; k < cut.count; ++k) bound(cut.parts[k]);
     return cut;
+  }
+
+  /// On which side of the middle of its longest side the corners of a needle lie, along that side: halves would be as slender,
+  /// and as many as the square of its length asks for. False if it is no needle, or its third corner is near the middle.
+  static bool across_sides(const std::array<Vec3, 3>& x, const LongestSide& longest, std::array<double, 3>& side) {
+    constexpr double kNeedle = 8, kNearMiddle = 0.1;
+    const Vec3 along = x[(longest.k + 1) % 3] - x[longest.k], other = x[(longest.k + 2) % 3] - x[longest.k];
+    const double square = along.squaredNorm();
+    if (!(square > kNeedle * along.cross(other).norm())) return false;
+    const Vec3 middle = x[longest.k] + along / 2;
+    for (std::size_t k = 0; k < 3; ++k) side[k] = along.dot(x[k] - middle);
+    return std::fabs(side[(longest.k + 2) % 3]) > kNearMiddle * square;
   }
 
   /// On which side of the nearest border of the facet under the piece its corners lie: of the plane through the edge that the
@@ -455,6 +488,8 @@ class OneSidedMeasure {
   std::vector<DistancePoint> at_vertex_;
   std::vector<double> upper_;  ///< of each facet: no point of it is farther
   FarthestPoint farthest_;
+  double far_ = 0;  ///< points farther than this are listed, instead; 0: none
+  std::vector<detail::FarPoint> far_points_;
   detail::WorkCounter* counter_ = nullptr;  ///< of cells, while integrate() runs
   OneSidedDistance result_;
 };
@@ -554,6 +589,19 @@ OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, co
   job.finish();
   return result;
 }
+
+namespace detail {
+
+std::vector<FarPoint> far_points(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double distance,
+                                 const Execution& execution) {
+  DistanceOptions options;
+  options.execution = execution;
+  const OneSidedCost cost(from.num_facets(), to.num_facets(), options);
+  const TimeShares shares(execution, {0, cost.measure, cost.cut});
+  return OneSidedMeasure(from, to, tree, 0, options).far_points(distance, shares);
+}
+
+}  // namespace detail
 
 std::ostream& operator<<(std::ostream& out, const DistanceReport& report) {
   std::ostringstream text;  // neither the caller's format nor its locale

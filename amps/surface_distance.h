@@ -17,9 +17,11 @@
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
+#include "amps/surface_tree.h"
 
 #include <cstdint>
 #include <iosfwd>
+#include <vector>
 
 namespace amps {
 
@@ -74,5 +76,23 @@ DistanceReport surface_distance(const MeshView& first, const MeshView& second, c
 OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options = {});
 
 std::ostream& operator<<(std::ostream& out, const DistanceReport& report);
+
+namespace detail {
+
+/// A point of one surface that is far from another one.
+struct FarPoint {
+  Index facet = kNone;    ///< it is on
+  Index nearest = kNone;  ///< facet of the other surface
+  double distance = 0;
+  Vec3 position = Vec3::Zero();
+};
+
+/// Points of a surface that are farther than `distance` > 0 from another one, of which `tree` is; wherever some points are
+/// farther than 1.01 times that, one in their neighbourhood is listed. Proves nothing: coordinates are not scaled, and bounds
+/// are not kept. Both usable. Cost as one_sided_distance(), but there is no quadrature.
+std::vector<FarPoint> far_points(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double distance,
+                                 const Execution& execution);
+
+}  // namespace detail
 
 }  // namespace amps

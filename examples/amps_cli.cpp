@@ -5,7 +5,7 @@
 // Read from the bottom: main() finds the command, parses its options and runs it. A command reads, works, writes and prints a
 // table, in that order. Exit codes: 0 done, 2 bad input or usage (one line on stderr says what to do), 3 `gaps` found some or
 // `fill` left some, 4 `remesh` has lost something of the shape (all files are written, one line on stderr says what is lost),
-// 130 interrupted.
+// 128 and the signal where one ended it: 130 for Ctrl-C.
 
 #include "amps/amps.h"
 #include "cli_arguments.h"
@@ -27,6 +27,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
@@ -43,7 +44,7 @@ constexpr int kExitDone = 0;
 constexpr int kExitTrouble = 2;
 constexpr int kExitGaps = 3;
 constexpr int kExitShape = 4;
-constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as a shell reports it
+constexpr int kExitSignal = 128;  // and its number, as a shell reports it
 
 /// Where the parts of a command end, of its time: rough, since it depends on input and options.
 constexpr double kRead = 0.03, kMarked = 0.04, kSized = 0.25, kSampled = 0.85, kWorked = 0.96;
@@ -70,13 +71,16 @@ amps::SamplingOptions sampling_options(const Arguments& arguments, amps::Neighbo
 int run_sample(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments);
   amps::SamplingOptions options = sampling_options(arguments, amps::Neighborhood::kSpace);
-  require_sample_output(arguments, arguments.operand(1));
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
-  require_distinct(arguments, arguments.operand(1), {"--json"});
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  name_sizing_file(files, sizing);
+  files.writes("OUT", arguments.operand(1), Holds::kSamples);
+  files.writes("--json", Holds::kOther);
+  files.look();
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.execution.threads);
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
+  const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, kRead));
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" ? kRead : kSized;
   options.sizing = make_sizing(sizing, mesh, watch.part(kRead, sized));
@@ -89,8 +93,7 @@ int run_sample(const Arguments& arguments) {
       amps::verify_maximal(mesh, result.samples, watch.part(kSampled, kWorked), options.conflict_rule, options.neighborhood);
   const double seconds_verify = verify.seconds();
   const Stopwatch write;
-  amps::write_samples(arguments.operand(1), result.samples, watch.part(kWorked, 1));
-  watch.finish();
+  files.write(arguments.operand(1), result.samples, watch.part(kWorked, 1));
   Seconds seconds{{"read", seconds_read}, {"sizing", seconds_sizing}};
   for (const auto& stage : seconds_of(result.report)) seconds.push_back(stage);
   seconds.insert(seconds.end(), {{"verify", seconds_verify}, {"write", write.seconds()}, {"total", total.seconds()}});
@@ -102,9 +105,10 @@ int run_sample(const Arguments& arguments) {
   add_sampling(json, result.report);
   add_maximality(json, certificate);
   add_seconds(json, seconds);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   table.row("samples", number(result.samples.size()));
   table.row("of darts and of gaps", number(result.report.dart_samples) + " and " + number(result.report.gap_samples));
   print_radii(table, result.samples);
@@ -149,11 +153,12 @@ int complain(std::string message, int code = kExitTrouble) {
 }
 
 /// Writes the result; with its curves, if it has any, as lines and its patches as labels.
-void write_result(const std::string& path, const amps::RemeshResult& result, const amps::Execution& execution) {
+void write_result(const Files& files, const std::string& name, const amps::RemeshResult& result,
+                  const amps::Execution& execution) {
   amps::MeshWriteOptions writing;
   writing.edges = result.curve_edges;
   if (!writing.edges.empty()) writing.labels = result.patches;
-  amps::write_mesh(path, result.mesh, writing, execution);
+  files.write(name, result.mesh, writing, execution);
 }
 
 amps::Fit fit_of(const Arguments& arguments) {
@@ -164,6 +169,13 @@ amps::Fit fit_of(const Arguments& arguments) {
   throw arguments.error("--fit " + how + ": name none, normal or free");
 }
 
+amps::Topology topology_of(const Arguments& arguments) {
+  const std::string what = arguments.text("--topology", "preserve");
+  if (what == "preserve") return amps::Topology::kPreserve;
+  if (what == "report") return amps::Topology::kReport;
+  throw arguments.error("--topology " + what + ": name preserve or report");
+}
+
 int run_remesh(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments, true);
   amps::RemeshOptions options;
@@ -171,20 +183,30 @@ int run_remesh(const Arguments& arguments) {
   options.curves = curve_options(arguments);
   set_optimization(arguments, options);
   options.fit = fit_of(arguments);
-  if (arguments.has("--convergence")) require_writable(arguments, arguments.text("--convergence"));
-  require_mesh_output(arguments, arguments.operand(1));
-  if (arguments.has("--samples")) require_sample_output(arguments, arguments.text("--samples"));
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
-  require_distinct(arguments, arguments.operand(1), {"--samples", "--convergence", "--json"});
+  options.topology = topology_of(arguments);
+  options.least_error = sizing.kind == "error";
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--keep", Holds::kLines);
+  name_sizing_file(files, sizing);
+  files.writes("OUT", arguments.operand(1), Holds::kMesh);
+  files.writes("--samples", Holds::kSamples);
+  files.writes("--convergence", Holds::kOther);
+  files.writes("--json", Holds::kOther);
+  files.look();
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.sampling.execution.threads);
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
-  keep_marks(arguments, mesh, watch.part(kRead, kMarked), options.curves);
+  const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, kRead));
+  keep_marks(arguments, files, mesh, watch.part(kRead, kMarked), options.curves);
+  if (options.sampling.neighborhood == amps::Neighborhood::kSpace && !arguments.quiet()) {
+    std::fprintf(stderr, "amps: note: --neighborhood space keeps no curves: no creases, borders or corners\n");
+  }
   const double seconds_read = total.seconds();
-  const double sized = sizing.kind == "uniform" ? kMarked : kSized;
+  const double sized = sizing.kind == "uniform" || sizing.kind == "error" ? kMarked : kSized;
   options.sampling.sizing = make_sizing(sizing, mesh, watch.part(kMarked, sized));
   options.max_error = error_of(sizing, mesh);
+  const amps::QualityReport input_quality = amps::quality(mesh, watch.part(sized, sized));
   const double seconds_sizing = total.seconds() - seconds_read;
   options.sampling.execution = watch.part(sized, kWorked);
   const Stopwatch work;
@@ -193,14 +215,13 @@ int run_remesh(const Arguments& arguments) {
   const double seconds_work = work.seconds();
   const Stopwatch write;
   // An interruption leaves all files as they were, or, once the first is in place, none: the others are then written too.
-  write_result(arguments.operand(1), result, watch.part(kWorked, 1));
-  if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
+  write_result(files, arguments.operand(1), result, watch.part(kWorked, 1));
+  if (arguments.has("--samples")) files.write(arguments.text("--samples"), result.samples, {});
   if (arguments.has("--convergence")) {
     std::ostringstream convergence;
     amps::write_convergence(convergence, result.report.optimization);
-    write_file(arguments.text("--convergence"), convergence.str());
+    files.write(arguments.text("--convergence"), convergence.str());
   }
-  watch.finish();
   const double seconds_write = write.seconds();
 
   const amps::RemeshReport& report = result.report;
@@ -220,16 +241,18 @@ int run_remesh(const Arguments& arguments) {
                                  {"total", total.seconds()}});
 
   const std::ptrdiff_t unused = result.mesh.vertices.rows() - report.output.vertices;  // on parts as thin as r
+  const amps::Index left_out = static_cast<amps::Index>(mesh.triangles.rows()) - report.input.facets;
   Json json = begin_json("remesh");
   json.add("status", amps::name_of(result.status));
   json.add("vertices", static_cast<amps::Index>(result.mesh.vertices.rows()));
   json.add("triangles", static_cast<amps::Index>(result.mesh.triangles.rows()));
   json.add("in_no_triangle", static_cast<amps::Index>(unused));
+  json.add("left_out_of_input", left_out);
   add_radii(json, result.samples);
   add_sampling(json, report.sampling);
   add_optimization(json, report.optimization);
   add_fit(json, options.fit, report.fit);
-  add_error(json, options.max_error, report);
+  add_error(json, options, report);
   add_quality(json, report.quality, radius);
   add_maximality(json, report.maximality);
   add_crossings(json, report);
@@ -238,25 +261,30 @@ int run_remesh(const Arguments& arguments) {
   add_topology(json, "input", report.input);
   add_topology(json, "output", report.output);
   add_seconds(json, seconds);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   table.row("", "input", "output");
   const amps::Index asked = options.sampling.target_count;
   std::string vertices = std::to_string(result.mesh.vertices.rows());
   if (asked > 0) vertices += " of " + number(asked) + " asked for";
   table.row("vertices", number(report.input.vertices), vertices);
   table.row("triangles", number(report.input.facets), number(report.output.facets));
+  if (left_out > 0) table.row("triangles left out", number(left_out), "there twice, or of two corners");
   print_topology(table, report.input, report.output);
   print_certificate(table, report.certificate);
   print_curves(table, report.curves);
+  if (result.graph != nullptr && !result.graph->dropped.empty()) {
+    table.row("creases not kept", number(static_cast<amps::Index>(result.graph->dropped.size())) + " edges", "too small for r");
+  }
   print_crossings(table, report);
   if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
   print_radii(table, result.samples);
   print_optimization(table, options.optimization, report.optimization);
   print_fit(table, options.fit, report.fit);
-  print_error(table, options.max_error, report);
-  print_quality(table, report.quality, radius);
+  print_error(table, options, report);
+  print_quality(table, report.quality, radius, &input_quality);
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
   print_seconds(table, seconds);
@@ -277,39 +305,48 @@ int run_curves(const Arguments& arguments) {
   }
   options.radius = arguments.positive("--radius");
   const auto vertices = static_cast<double>(arguments.whole("--vertices", 0, 1, kMostVertices));
-  if (arguments.operands() > 1) require_line_output(arguments, arguments.operand(1));
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--keep", Holds::kLines);
+  if (arguments.operands() > 1) files.writes("OUT", arguments.operand(1), Holds::kLines);
+  files.writes("--json", Holds::kOther);
+  files.look();
   Watch watch(arguments.quiet(), threads_of(arguments));
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.4));
-  keep_marks(arguments, mesh, watch.part(0.4, 0.5), options);
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, 0.4));
+  keep_marks(arguments, files, mesh, watch.part(0.4, 0.5), options);
   if (vertices > 0) options.radius = first_radius(mesh, vertices);
   options.execution = watch.part(0.5, 0.9);
   const amps::CurveGraph graph = amps::find_curves(mesh, options);
   const bool writes = arguments.operands() > 1 && !graph.empty();
-  if (writes) write_graph(arguments.operand(1), mesh, graph, watch.part(0.9, 1));
-  watch.finish();
+  if (writes) write_graph(files, arguments.operand(1), mesh, graph, watch.part(0.9, 1));
 
   Json json = begin_json("curves");
   json.add("radius", options.radius);
   add_graph(json, graph);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   print_graph(table, graph);
   table.row("radius r", options.radius > 0 ? number(options.radius) : "none: creases of all sizes");
   if (arguments.operands() > 1) {
-    table.row("lines", writes ? "in " + arguments.operand(1) : "none, " + arguments.operand(1) + " is not written");
+    const std::string out = Files::shown(arguments.operand(1), Files::kOutput);
+    table.row("lines", writes ? "in " + out : "none, " + out + " is not written");
   }
   return kExitDone;
 }
 
 int run_gaps(const Arguments& arguments) {
   neighborhood_of(arguments, amps::Neighborhood::kSpace);  // refuses other names, before the work
-  if (arguments.operands() > 2) require_mesh_output(arguments, arguments.operand(2));
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("SAMPLES", arguments.operand(1), Holds::kSamples);
+  if (arguments.operands() > 2) files.writes("OUT", arguments.operand(2), Holds::kMesh);
+  files.writes("--json", Holds::kOther);
+  files.look();
   Watch watch(arguments.quiet(), threads_of(arguments));
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.05));
-  const amps::SampleSet samples = amps::read_samples(arguments.operand(1), watch.part(0.05, 0.1));
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, 0.05));
+  const amps::SampleSet samples = files.samples(arguments.operand(1), watch.part(0.05, 0.1));
   // Sets that say what of the surface their samples are on are those of remesh.
   const amps::Neighborhood neighborhood =
       neighborhood_of(arguments, samples.dimensions.empty() ? amps::Neighborhood::kSpace : amps::Neighborhood::kSurface);
@@ -319,18 +356,18 @@ int run_gaps(const Arguments& arguments) {
   const double area = amps::total_area(mesh, watch.part(0.5, 0.51));
   if (arguments.operands() > 2 && report.gaps > 0) {
     const amps::GapSet gaps = amps::find_gaps(mesh, samples, watch.part(0.51, kWorked), neighborhood);
-    amps::write_mesh(arguments.operand(2), gaps.primitives, {}, watch.part(kWorked, 1));
+    files.write(arguments.operand(2), gaps.primitives, {}, watch.part(kWorked, 1));
   }
-  watch.finish();
 
   Json json = begin_json("gaps");
   json.add("samples", samples.size()).add("surface_area", area);
   add_radii(json, samples);
   add_foreign(json, foreign);
   add_maximality(json, report);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   table.row("samples", number(samples.size()));
   print_foreign(table, foreign, neighborhood == amps::Neighborhood::kSpace);
   print_radii(table, samples);
@@ -344,8 +381,8 @@ int run_gaps(const Arguments& arguments) {
   table.row("gaps", number(report.gaps));
   table.row("area of gaps", format("%.6g   (%.3g %% of the surface)", report.gap_area, 100 * report.gap_area / area));
   if (arguments.operands() > 2) {
-    table.row("gap primitives",
-              report.gaps > 0 ? "in " + arguments.operand(2) : "none, " + arguments.operand(2) + " is not written");
+    const std::string out = Files::shown(arguments.operand(2), Files::kOutput);
+    table.row("gap primitives", report.gaps > 0 ? "in " + out : "none, " + out + " is not written");
   }
   return report.maximal() ? kExitDone : kExitGaps;
 }
@@ -355,18 +392,22 @@ int run_fill(const Arguments& arguments) {
   amps::SamplingOptions options;
   options.radius = arguments.positive("--radius");
   options.seed = arguments.whole("--seed", options.seed, 0, UINT64_MAX);
-  const bool from_nothing = names_no_samples(arguments.operand(1));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  if (arguments.operand(1) != "none") files.reads("SAMPLES", arguments.operand(1), Holds::kSamples);
+  files.writes("OUT", arguments.operand(2), Holds::kSamples);
+  files.writes("--added", Holds::kSamples);
+  files.writes("--json", Holds::kOther);
+  files.look();
+  const bool from_nothing = names_no_samples(files, arguments.operand(1));
   if (from_nothing && options.radius == 0) {
-    throw arguments.error("there are no samples in " + arguments.operand(1) + ": say --radius R for new ones");
+    throw arguments.error("there are no samples in " + Files::shown(arguments.operand(1), Files::kInput) +
+                          ": say --radius R for new ones");
   }
-  require_sample_output(arguments, arguments.operand(2));
-  if (arguments.has("--added")) require_sample_output(arguments, arguments.text("--added"));
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
-  require_distinct(arguments, arguments.operand(2), {"--added", "--json"});
   Watch watch(arguments.quiet(), threads_of(arguments));
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.05));
+  const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, 0.05));
   amps::SampleSet before;
-  if (!from_nothing) before = amps::read_samples(arguments.operand(1), watch.part(0.05, 0.1));
+  if (!from_nothing) before = files.samples(arguments.operand(1), watch.part(0.05, 0.1));
   options.neighborhood =
       neighborhood_of(arguments, before.dimensions.empty() ? amps::Neighborhood::kSpace : amps::Neighborhood::kSurface);
   const bool balls = options.neighborhood == amps::Neighborhood::kSpace;
@@ -384,10 +425,9 @@ int run_fill(const Arguments& arguments) {
   const amps::MaximalityReport is =
       amps::verify_maximal(mesh, filled, watch.part(0.75, kWorked), options.conflict_rule, options.neighborhood);
   const amps::SampleSet added = samples_from(filled, before.size());
-  amps::write_samples(arguments.operand(2), filled, watch.part(kWorked, 1));
+  files.write(arguments.operand(2), filled, watch.part(kWorked, 1));  // once it is in place, the others are written too
   const bool writes_added = arguments.has("--added") && added.size() > 0;
-  if (writes_added) amps::write_samples(arguments.text("--added"), added);
-  watch.finish();
+  if (writes_added) files.write(arguments.text("--added"), added, {});
 
   Json json = begin_json("fill");
   json.add("samples_before", before.size()).add("samples", filled.size()).add("added", added.size());
@@ -399,9 +439,10 @@ int run_fill(const Arguments& arguments) {
     json.close();
   }
   add_maximality(json, is);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   table.row("", "before", "after");
   table.row("samples", number(before.size()), number(filled.size()));
   table.row("gaps", from_nothing ? "" : number(was.gaps), number(is.gaps));
@@ -410,8 +451,8 @@ int run_fill(const Arguments& arguments) {
                                              : added.size() == 0 ? ", the set was maximal"
                                                                  : ", after the others, which stay as they are"));
   if (arguments.has("--added")) {
-    table.row("new samples",
-              writes_added ? "in " + arguments.text("--added") : "none, " + arguments.text("--added") + " is not written");
+    const std::string file = Files::shown(arguments.text("--added"), Files::kOutput);
+    table.row("new samples", writes_added ? "in " + file : "none, " + file + " is not written");
   }
   print_foreign(table, foreign, balls);
   print_radii(table, filled);
@@ -428,46 +469,55 @@ int run_quality(const Arguments& arguments) {
   amps::CurveOptions finding = curve_options(arguments);
   finding.radius = radius;
   finding.creases = finding.creases && arguments.has("--features");
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
-  if (arguments.has("--png")) require_picture_output(arguments, arguments.text("--png"));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--samples", Holds::kSamples);
+  files.writes("--png", Holds::kPicture);
+  files.writes("--json", Holds::kOther);
+  files.look();
   Watch watch(arguments.quiet(), threads_of(arguments));
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, 0.2));
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, 0.2));
   std::vector<double> radii;
   if (radius > 0) radii.push_back(radius);
   if (arguments.has("--samples")) {
-    radii = amps::read_samples(arguments.text("--samples"), watch.part(0.2, 0.3)).radii;
+    radii = files.samples(arguments.text("--samples"), watch.part(0.2, 0.3)).radii;
     if (static_cast<std::ptrdiff_t>(radii.size()) != mesh.vertices.rows()) {
-      throw arguments.error(std::to_string(radii.size()) + " samples in " + arguments.text("--samples") + " for " +
-                            std::to_string(mesh.vertices.rows()) +
-                            " vertices: take the set that 'amps remesh --samples' wrote beside this mesh");
+      throw arguments.error(
+          std::to_string(radii.size()) + " samples in " + Files::shown(arguments.text("--samples"), Files::kInput) + " for " +
+          std::to_string(mesh.vertices.rows()) + " vertices: take the set that 'amps remesh --samples' wrote beside this mesh");
     }
   }
-  const bool marked = !arguments.has("--features") && amps::mesh_format(arguments.operand(0)) == amps::MeshFormat::kObj;
+  const bool marked = !arguments.has("--features") && files.mesh_format(arguments.operand(0), true) == amps::MeshFormat::kObj;
   std::vector<std::array<amps::Index, 2>> curves;
-  if (marked) curves = amps::read_mesh_marks(arguments.operand(0), watch.part(0.3, 0.4)).edges;
+  if (marked) curves = files.marks(arguments.operand(0), watch.part(0.3, 0.4)).edges;
   finding.execution = watch.part(0.4, 0.6);
   if (curves.empty()) curves = edges_of(amps::find_curves(mesh, finding));
   const MeasuredQuality measured = measure_quality(mesh, curves, radii, watch.part(0.6, kWorked));
-  std::string png;
-  if (arguments.has("--png")) png = render::encode_png(histograms_of(measured.all), watch.part(kWorked, 1));
-  watch.finish();
+  if (arguments.has("--png")) {
+    files.write(arguments.text("--png"), render::encode_png(histograms_of(measured.all), watch.part(kWorked, 1)));
+  }
 
-  if (arguments.has("--png")) write_file(arguments.text("--png"), png);
   Json json = begin_json("quality");
   add_measured(json, measured);
-  write_json(arguments, json);
-  print_measured(Table(arguments.quiet()), measured);
+  files.write(json);
+  watch.finish();
+  print_measured(files.table(), measured);
   return kExitDone;
 }
 
 int run_info(const Arguments& arguments) {
-  if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--reference", Holds::kMesh);
+  files.writes("--json", Holds::kOther);
+  files.look();
   const bool compare = arguments.has("--reference");
   Watch watch(arguments.quiet(), threads_of(arguments));
   amps::DistanceOptions options;
   const double looked = compare ? 0.1 : 1;  // distances take far longer than all the rest
   const amps::Execution reading = watch.part(0, 0.25 * looked);
-  const amps::Mesh mesh = compare ? load(arguments.operand(0), reading) : amps::read_mesh(arguments.operand(0), reading);
+  const amps::Mesh mesh =
+      compare ? files.usable_mesh(arguments.operand(0), reading) : files.mesh(arguments.operand(0), reading);
   const amps::MeshReport report = amps::check(mesh, watch.part(0.25 * looked, 0.6 * looked));
   const amps::TopologyReport& shape = report.topology;
   const amps::QualityReport quality =
@@ -482,11 +532,10 @@ int run_info(const Arguments& arguments) {
   const amps::CurveGraph graph = report.usable() ? amps::find_curves(mesh, curves) : amps::CurveGraph();
   amps::DistanceReport distance;
   if (compare) {
-    const amps::Mesh reference = load(arguments.text("--reference"), watch.part(looked, looked + 0.05));
+    const amps::Mesh reference = files.usable_mesh(arguments.text("--reference"), watch.part(looked, looked + 0.05));
     options.execution = watch.part(looked + 0.05, 1);
     distance = amps::surface_distance(reference, mesh, options);
   }
-  watch.finish();
 
   Json json = begin_json("info");
   json.add("usable", report.usable())
@@ -501,6 +550,7 @@ int run_info(const Arguments& arguments) {
       .add("repeated_facets", report.repeated_facets)
       .add("duplicate_vertices", report.duplicate_vertices)
       .add("isolated_vertices", report.isolated_vertices)
+      .add("wild_vertex", report.wild_vertex)
       .add("crossing_polygons", static_cast<amps::Index>(mesh.crossing_polygons.size()));
   add_topology(json, "topology", shape);
   if (report.usable()) {
@@ -510,9 +560,10 @@ int run_info(const Arguments& arguments) {
     add_quality(json, quality, 0);
   }
   if (compare) add_distance(json, arguments.text("--reference"), distance);
-  write_json(arguments, json);
+  files.write(json);
+  watch.finish();
 
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   const auto count = [&](const char* name, amps::Index n) { table.row(name, number(n)); };
   const auto trouble = [&](const char* name, amps::Index n) {
     if (n > 0) count(name, n);
@@ -548,10 +599,13 @@ int run_info(const Arguments& arguments) {
     print_quality(table, quality, 0);
   }
   if (compare) {
-    table.row("reference", arguments.text("--reference"));
+    table.row("reference", Files::shown(arguments.text("--reference"), Files::kInput));
     print_distance(table, distance);
   }
-  table.row("can be remeshed", report.usable() ? "yes" : "no");
+  if (report.wild_vertex != amps::kNone) {
+    table.row("far from all others", Files::shown_vertex(mesh, report.wild_vertex) + ": correct it, or remove its facets");
+  }
+  table.row("can be remeshed", report.usable() && report.wild_vertex == amps::kNone ? "yes" : "no");
   return kExitDone;
 }
 
@@ -582,12 +636,14 @@ int run_make(const Arguments& arguments) {
   constexpr std::uint64_t kDefaultTriangles = 10000;
   constexpr std::uint64_t kMostTriangles = 100000000;
   const auto n = static_cast<double>(arguments.whole("--n", kDefaultTriangles, 1, kMostTriangles));
-  require_mesh_output(arguments, arguments.operand(1));
+  Files files(arguments);
+  files.writes("OUT", arguments.operand(1), Holds::kMesh);
+  files.look();
   Watch watch(arguments.quiet(), 1);
   const amps::Mesh mesh = make_shape(arguments, arguments.operand(0), n);
-  amps::write_mesh(arguments.operand(1), mesh, {}, watch.part(0.2, 1));
+  files.write(arguments.operand(1), mesh, {}, watch.part(0.2, 1));
   watch.finish();
-  const Table table(arguments.quiet());
+  const Table table = files.table();
   table.row("vertices", std::to_string(mesh.vertices.rows()));
   table.row("triangles", std::to_string(mesh.triangles.rows()));
   return kExitDone;
@@ -601,16 +657,21 @@ int run_render(const Arguments& arguments) {
   for (const char* name : {"--features", "--radius"}) {
     if (arguments.has(name) && !curves) throw arguments.error(std::string(name) + " is for curves: say --curves as well");
   }
-  require_picture_output(arguments, arguments.operand(1));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--samples", Holds::kSamples);
+  files.reads("--added", Holds::kSamples);
+  files.writes("OUT", arguments.operand(1), Holds::kPicture);
+  files.look();
   Watch watch(arguments.quiet(), threads_of(arguments));
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kRead));
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, kRead));
   amps::SampleSet samples, added;
-  if (request.samples) samples = amps::read_samples(arguments.text("--samples"), watch.part(kRead, 0.04));
-  if (arguments.has("--added")) added = amps::read_samples(arguments.text("--added"), watch.part(0.04, 0.05));
+  if (request.samples) samples = files.samples(arguments.text("--samples"), watch.part(kRead, 0.04));
+  if (arguments.has("--added")) added = files.samples(arguments.text("--added"), watch.part(0.04, 0.05));
   std::vector<std::array<amps::Index, 2>> lines;
   if (curves) {
-    const bool marked = !arguments.has("--features") && amps::mesh_format(arguments.operand(0)) == amps::MeshFormat::kObj;
-    if (marked) lines = amps::read_mesh_marks(arguments.operand(0), watch.part(0.05, 0.06)).edges;
+    const bool marked = !arguments.has("--features") && files.mesh_format(arguments.operand(0), true) == amps::MeshFormat::kObj;
+    if (marked) lines = files.marks(arguments.operand(0), watch.part(0.05, 0.06)).edges;
     finding.execution = watch.part(0.06, 0.1);
     if (lines.empty()) lines = edges_of(amps::find_curves(mesh, finding));
   }
@@ -621,38 +682,35 @@ int run_render(const Arguments& arguments) {
   scene.options.execution = watch.part(0.25, 0.6);
   render::Image image = render::draw(scene.mesh, scene.options);
   if (arguments.has("--legend")) image = render::with_legend(image, legend_of(request, added.size() > 0));
-  write_file(arguments.operand(1), render::encode_png(image, watch.part(0.6, 1)));
+  files.write(arguments.operand(1), render::encode_png(image, watch.part(0.6, 1)));
   watch.finish();
   return kExitDone;
 }
 
 int run_spectrum(const Arguments& arguments) {
   const SpectrumRequest request = spectrum_request(arguments);
-  for (const char* name : {"--csv", "--json"}) {
-    if (arguments.has(name)) require_writable(arguments, arguments.text(name));
-  }
-  for (const char* name : {"--png", "--plot"}) {
-    if (arguments.has(name)) require_picture_output(arguments, arguments.text(name));
-  }
-  if (arguments.has("--png")) require_distinct(arguments, arguments.text("--png"), {"--plot"});
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  for (std::size_t i = 1; i < arguments.operands(); ++i) files.reads("SAMPLES", arguments.operand(i), Holds::kSamples);
+  files.writes("--csv", Holds::kOther);
+  files.writes("--png", Holds::kPicture);
+  files.writes("--plot", Holds::kPicture);
+  files.writes("--json", Holds::kOther);
+  files.look();
   Watch watch(arguments.quiet(), threads_of(arguments));
-  const MeasuredSpectrum measured = measure_spectrum(arguments, request, watch);
+  const MeasuredSpectrum measured = measure_spectrum(arguments, files, request, watch);
   std::string png, plot;
   if (arguments.has("--png")) png = render::encode_png(picture_of(measured), watch.part(kWorked, 0.99));
   if (arguments.has("--plot")) plot = render::encode_png(plot_of(measured), watch.part(0.99, 1));
-  watch.finish();
 
-  if (arguments.has("--plot")) write_file(arguments.text("--plot"), plot);
-  if (arguments.has("--csv")) write_file(arguments.text("--csv"), csv_of(measured));
-  if (arguments.has("--png")) write_file(arguments.text("--png"), png);
+  if (arguments.has("--csv")) files.write(arguments.text("--csv"), csv_of(measured));
+  if (arguments.has("--png")) files.write(arguments.text("--png"), png);
+  if (arguments.has("--plot")) files.write(arguments.text("--plot"), plot);
   Json json = begin_json("spectrum");
-  const Table table(arguments.quiet());
-  if (measured.in_plane) {
-    tell(measured.plane, request, table, json);
-  } else {
-    tell(measured.surface, table, json);
-  }
-  write_json(arguments, json);
+  add_spectrum(json, measured);
+  files.write(json);
+  watch.finish();
+  print_spectrum(files.table(), measured, request);
   return kExitDone;
 }
 
@@ -699,7 +757,9 @@ const std::vector<Command>& commands() {
        "than --error allows, or has no triangle.",
        {kRadius,
         {"--vertices", "N", "number of vertices wanted instead, met within 2 %"},
-        kSizing,
+        {"--sizing", "KIND",
+         "uniform (default), lfs, curvature, a file of one radius a vertex (numbers, or x.ply:PROPERTY), or error: N vertices\n"
+         "are spent where they lower the distance to IN most, in the time of some dozen runs"},
         kRmin,
         kRmax,
         {"--error", "E", "the result is at most E from the input, proved: in the units of the mesh, or 1% of its diagonal"},
@@ -708,6 +768,7 @@ const std::vector<Command>& commands() {
         kBorders,
         kKeep,
         {"--neighborhood", "KIND", "surface (default): sheets do not see each other's disks; space: disks are balls"},
+        {"--topology", "WHAT", "preserve (default): radii fall where the shape asks for it; report: only say what is lost"},
         {"--optimize", "WHAT", "angle,valence (default), angle, valence, or none"},
         {"--angle-min", "DEG", "least angle to reach, below 60"},
         {"--angle-max", "DEG", "greatest angle to reach, above 60"},
@@ -735,7 +796,7 @@ const std::vector<Command>& commands() {
        run_curves},
       {"gaps",
        "IN SAMPLES [OUT]",
-       "is a set of disks on a mesh maximal?",
+       "say whether a set of disks on a mesh is maximal",
        "SAMPLES is a sample set (.xyzr .ply .csv), made by amps or by anything else. If parts of the mesh IN are in no disk,\n"
        "triangles that cover them are written to OUT. Exit code 0: maximal; 3: not. Disks of sets that say what of the "
        "surface\n"
@@ -849,8 +910,7 @@ void print_help() {
   std::printf("\n'amps COMMAND --help' tells the options of a command, 'amps --version' the version.\n");
   std::printf(
       "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some or 'fill' left some, 4 'remesh' lost some of the shape or "
-      "missed --error, 130 "
-      "interrupted.\n");
+      "missed --error, 130 interrupted, 143 terminated.\n");
 }
 
 void print_help(const Command& command) {
@@ -862,6 +922,23 @@ void print_help(const Command& command) {
       std::printf("  %-18s %s\n", name.c_str(), option.help);
     }
   }
+}
+
+/// Advice for those who call the library, in terms of options.
+std::string in_options(const Arguments& arguments, std::string message) {
+  const std::string limit = "more than max_samples, ";
+  const std::size_t at = message.find(limit), advice = message.find("; use ");
+  if (at == std::string::npos || advice == std::string::npos || advice < at) return message;
+  for (const char* name : {"--vertices", "--rmin", "--rmax", "--error", "--sizing"}) {
+    if (!arguments.has(name)) continue;
+    const bool fewer = name == std::string("--vertices"), file = name == std::string("--sizing");
+    message.replace(
+        advice, std::string::npos,
+        fewer ? "; ask for fewer --vertices"
+              : std::string("; ") + (file ? "use larger radii in " : "use a larger ") + (file ? arguments.text(name) : name));
+    break;
+  }
+  return message.replace(at, limit.size(), "more than ");
 }
 
 int run(const std::vector<std::string>& words) {
@@ -880,9 +957,15 @@ int run(const std::vector<std::string>& words) {
     known.emplace_back(command.name);
     if (name != command.name) continue;
     const Arguments arguments(command, {words.begin() + 1, words.end()});
-    if (!arguments.has("--help")) return command.run(arguments);
-    print_help(command);
-    return kExitDone;
+    if (arguments.has("--help")) {
+      print_help(command);
+      return kExitDone;
+    }
+    try {
+      return command.run(arguments);
+    } catch (const amps::Error& error) {
+      throw amps::Error(error.code(), in_options(arguments, error.what()));
+    }
   }
   throw UsageError("amps: unknown command " + name + did_you_mean(name, known) + " (see 'amps --help')");
 }
@@ -892,8 +975,11 @@ int run(const std::vector<std::string>& words) {
 int main(int argc, char** argv) {
   const auto interruption = [] {
     std::fprintf(stderr, "amps: interrupted, nothing is written\n");
-    return kExitInterrupted;
+    return kExitSignal + interrupted;
   };
+#ifdef SIGXFSZ
+  std::signal(SIGXFSZ, SIG_IGN);  // writing then fails, and what is half-written is taken away
+#endif
   try {
     const int code = run({argv + 1, argv + argc});
     if (std::fflush(stdout) != 0) return complain("cannot write to the standard output");

@@ -8,24 +8,26 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <fstream>
+#include <cstdint>
+#include <istream>
 #include <string>
 #include <vector>
 
-/// Is it the word "none", or a text file of samples (.xyzr, .csv) without any?
-inline bool names_no_samples(const std::string& path) {
-  if (path == "none") return true;
-  const amps::SampleFormat format = amps::sample_format(path);
+/// Is it the word "none", or a text (.xyzr, .csv) of samples without any?
+inline bool names_no_samples(const Files& files, const std::string& name) {
+  if (name == "none") return true;
+  const amps::SampleFormat format = files.sample_format(name, true);
   if (format == amps::SampleFormat::kPly) return false;
-  std::ifstream in(path);
-  bool read = in.good(), head = format == amps::SampleFormat::kCsv;  // of names
-  for (std::string line; std::getline(in, line);) {
-    const std::size_t first = line.find_first_not_of(" \t\r");
-    if (first == std::string::npos || line[first] == '#') continue;
-    if (!head) return false;
-    head = false;
-  }
-  return read;
+  return files.content(name, [&](std::istream& in) {
+    bool head = format == amps::SampleFormat::kCsv;  // of names
+    for (std::string line; std::getline(in, line);) {
+      const std::size_t first = line.find_first_not_of(" \t\r");
+      if (first == std::string::npos || line[first] == '#') continue;
+      if (!head) return false;
+      head = false;
+    }
+    return true;
+  });
 }
 
 /// What is wrong with a set that comes from elsewhere.

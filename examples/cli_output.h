@@ -1,4 +1,4 @@
-// cli_output.h: what the program `amps` prints and writes — numbers as text, the table on stdout, JSON.
+// cli_output.h: what the program `amps` prints and writes — numbers as text, the table, JSON.
 #pragma once
 
 #include "amps/base.h"
@@ -25,19 +25,20 @@ format(const char* pattern, ...) {
 inline std::string number(double x) { return format("%.6g", x); }
 inline std::string number(amps::Index n) { return std::to_string(n); }
 
-/// The table on stdout: a name and one or two values a row.
+/// The table: a name and one or two values a row.
 class Table {
  public:
-  explicit Table(bool quiet) : quiet_(quiet) {}
+  Table(bool quiet, std::FILE* stream) : quiet_(quiet), stream_(stream) {}
   void row(const char* name, const std::string& value) const {
-    if (!quiet_) std::printf("%-22s %s\n", name, value.c_str());
+    if (!quiet_) std::fprintf(stream_, "%-22s %s\n", name, value.c_str());
   }
   void row(const char* name, const std::string& first, const std::string& second) const {
-    if (!quiet_) std::printf("%-22s %-14s %s\n", name, first.c_str(), second.c_str());
+    if (!quiet_) std::fprintf(stream_, "%-22s %-14s %s\n", name, first.c_str(), second.c_str());
   }
 
  private:
   bool quiet_;
+  std::FILE* stream_;
 };
 
 /// JSON text, built in one pass. Numbers read back to the same bits; infinities and NaN, which JSON lacks, become null.

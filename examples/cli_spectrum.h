@@ -91,16 +91,17 @@ inline SpectrumRequest spectrum_request(const Arguments& arguments) {
 }
 
 /// Reads the mesh and all sets, and measures them in the plane where that can be, else on the surface.
-inline MeasuredSpectrum measure_spectrum(const Arguments& arguments, const SpectrumRequest& request, const Watch& watch) {
+inline MeasuredSpectrum measure_spectrum(const Arguments& arguments, const Files& files, const SpectrumRequest& request,
+                                         const Watch& watch) {
   constexpr double kMeshRead = 0.05, kAllRead = 0.2, kMeasured = 0.95;
-  const amps::Mesh mesh = load(arguments.operand(0), watch.part(0, kMeshRead));
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, kMeshRead));
   std::vector<amps::SampleSet> sets;
   const auto num_sets = static_cast<double>(arguments.operands() - 1);
   for (std::size_t i = 1; i < arguments.operands(); ++i) {
     const auto before = [&](std::size_t set) {
       return kMeshRead + (kAllRead - kMeshRead) * static_cast<double>(set) / num_sets;
     };
-    sets.push_back(amps::read_samples(arguments.operand(i), watch.part(before(i - 1), before(i))));
+    sets.push_back(files.samples(arguments.operand(i), watch.part(before(i - 1), before(i))));
   }
   amps::SpectrumOptions plane = square_of(mesh, watch.part(kAllRead, kAllRead));
   MeasuredSpectrum measured;
@@ -168,51 +169,71 @@ inline std::string csv_of(const MeasuredSpectrum& measured) {
   return text.str();
 }
 
-inline void tell(const amps::SpectrumReport& report, const SpectrumRequest& request, const Table& table, Json& json) {
-  constexpr std::size_t kFirstRings = 8;  // have so few frequencies that chance decides
-  const std::size_t peak = place_of_greatest(report.radial_mean);
-  const double anisotropy =
-      mean_from(report.anisotropy, std::min(kFirstRings, report.rings.size() - 1), [](std::size_t) { return 1.0; });
-  json.add("kind", "periodogram")
-      .add("sets", report.sets)
-      .add("mean_points", report.mean_points)
-      .add("max_frequency", report.max_frequency)
-      .add("effective_nyquist", report.effective_nyquist)
-      .add("oscillation", report.oscillation)
-      .add("peak_power", report.radial_mean[peak])
-      .add("peak_frequency", report.rings[peak])
-      .add("mean_anisotropy_db", anisotropy);
-  table.row("measured", request.border == amps::SquareBorder::kWindow ? "power in a square, seen through a window"
-                                                                      : "power in a square that repeats itself");
-  table.row("sets", number(report.sets));
-  table.row("points", number(report.mean_points) + "   (in the square, mean)");
-  table.row("effective Nyquist", format("%.4g   (square grid: 1)", report.effective_nyquist));
-  table.row("oscillation", format("%.4g", report.oscillation));
-  table.row("greatest radial mean", format("%.4g   (at %.4g sqrt(n) periods a side)", report.radial_mean[peak],
-                                           report.rings[peak] / std::sqrt(report.mean_points)));
-  table.row("mean anisotropy",
-            format("%.4g dB   (no direction: %.4g dB)", anisotropy, -10 * std::log10(static_cast<double>(report.sets))));
+/// In dB, over all rings but the first, which have so few frequencies that chance decides.
+inline double mean_anisotropy(const amps::SpectrumReport& report) {
+  constexpr std::size_t kFirstRings = 8;
+  return mean_from(report.anisotropy, std::min(kFirstRings, report.rings.size() - 1), [](std::size_t) { return 1.0; });
+}
+inline double mean_anisotropy(const amps::DifferentialReport& report) {
+  return mean_from(report.anisotropy, 0, [&](std::size_t k) { return report.pairs[k]; });
+}
+/// Where samples should not know of each other any more: over the last fifth of all distances.
+inline double far_correlation(const amps::DifferentialReport& report) {
+  return mean_from(report.radial_mean, report.radial_mean.size() * 4 / 5, [](std::size_t) { return 1.0; });
 }
 
-inline void tell(const amps::DifferentialReport& report, const Table& table, Json& json) {
-  const std::size_t peak = place_of_greatest(report.radial_mean), far_off = report.radial_mean.size() * 4 / 5;
-  const double anisotropy = mean_from(report.anisotropy, 0, [&](std::size_t k) { return report.pairs[k]; });
-  const double far_mean = mean_from(report.radial_mean, far_off, [](std::size_t) { return 1.0; });
-  json.add("kind", "differences")
-      .add("sets", report.sets)
-      .add("mean_samples", report.mean_samples)
-      .add("range", report.range)
-      .add("pairs", std::accumulate(report.pairs.begin(), report.pairs.end(), 0.0))
-      .add("min_distance", report.min_distance)
-      .add("peak_correlation", report.radial_mean[peak])
-      .add("peak_distance", report.distances[peak])
-      .add("far_correlation", far_mean)
-      .add("mean_anisotropy_db", anisotropy);
-  table.row("measured", format("differences on the surface, up to %.4g r", report.range));
-  table.row("sets", number(report.sets));
-  table.row("samples", number(report.mean_samples) + "   (mean)");
-  table.row("least distance", format("%.6g r", report.min_distance));
-  table.row("greatest correlation", format("%.4g   (at %.4g r)", report.radial_mean[peak], report.distances[peak]));
-  table.row("far correlation", format("%.4g   (no order: 1)", far_mean));
-  table.row("mean anisotropy", format("%.4g dB   (no direction: 0 dB)", anisotropy));
+inline void add_spectrum(Json& json, const MeasuredSpectrum& measured) {
+  if (measured.in_plane) {
+    const amps::SpectrumReport& report = measured.plane;
+    const std::size_t peak = place_of_greatest(report.radial_mean);
+    json.add("kind", "periodogram")
+        .add("sets", report.sets)
+        .add("mean_points", report.mean_points)
+        .add("max_frequency", report.max_frequency)
+        .add("effective_nyquist", report.effective_nyquist)
+        .add("oscillation", report.oscillation)
+        .add("peak_power", report.radial_mean[peak])
+        .add("peak_frequency", report.rings[peak])
+        .add("mean_anisotropy_db", mean_anisotropy(report));
+  } else {
+    const amps::DifferentialReport& report = measured.surface;
+    const std::size_t peak = place_of_greatest(report.radial_mean);
+    json.add("kind", "differences")
+        .add("sets", report.sets)
+        .add("mean_samples", report.mean_samples)
+        .add("range", report.range)
+        .add("pairs", std::accumulate(report.pairs.begin(), report.pairs.end(), 0.0))
+        .add("min_distance", report.min_distance)
+        .add("peak_correlation", report.radial_mean[peak])
+        .add("peak_distance", report.distances[peak])
+        .add("far_correlation", far_correlation(report))
+        .add("mean_anisotropy_db", mean_anisotropy(report));
+  }
+}
+
+inline void print_spectrum(const Table& table, const MeasuredSpectrum& measured, const SpectrumRequest& request) {
+  if (measured.in_plane) {
+    const amps::SpectrumReport& report = measured.plane;
+    const std::size_t peak = place_of_greatest(report.radial_mean);
+    table.row("measured", request.border == amps::SquareBorder::kWindow ? "power in a square, seen through a window"
+                                                                        : "power in a square that repeats itself");
+    table.row("sets", number(report.sets));
+    table.row("points", number(report.mean_points) + "   (in the square, mean)");
+    table.row("effective Nyquist", format("%.4g   (square grid: 1)", report.effective_nyquist));
+    table.row("oscillation", format("%.4g", report.oscillation));
+    table.row("greatest radial mean", format("%.4g   (at %.4g sqrt(n) periods a side)", report.radial_mean[peak],
+                                             report.rings[peak] / std::sqrt(report.mean_points)));
+    table.row("mean anisotropy", format("%.4g dB   (no direction: %.4g dB)", mean_anisotropy(report),
+                                        -10 * std::log10(static_cast<double>(report.sets))));
+  } else {
+    const amps::DifferentialReport& report = measured.surface;
+    const std::size_t peak = place_of_greatest(report.radial_mean);
+    table.row("measured", format("differences on the surface, up to %.4g r", report.range));
+    table.row("sets", number(report.sets));
+    table.row("samples", number(report.mean_samples) + "   (mean)");
+    table.row("least distance", format("%.6g r", report.min_distance));
+    table.row("greatest correlation", format("%.4g   (at %.4g r)", report.radial_mean[peak], report.distances[peak]));
+    table.row("far correlation", format("%.4g   (no order: 1)", far_correlation(report)));
+    table.row("mean anisotropy", format("%.4g dB   (no direction: 0 dB)", mean_anisotropy(report)));
+  }
 }
