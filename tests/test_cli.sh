@@ -97,6 +97,7 @@ grep -q '^can be remeshed *no' log/out || fail "a mesh with a wild vertex can be
 [ "$(number wild_vertex info.json)" = 0 ] || fail "a wild vertex is not in the JSON"
 bad "wild.obj: mesh: vertex 0 (0-based) at (1e+12, .*) is so far" remesh wild.obj no.obj --vertices 100
 bad "wild.obj: mesh: vertex 0 (0-based) at (1e+12, .*) is so far" sample wild.obj no.csv --radius 0.1
+bad "wild.obj: mesh: vertex 0 (0-based) at (1e+12, .*) is so far" fill wild.obj none no.csv --radius 0.1
 
 echo "-- distance to a reference"
 for z in 0 0.5; do
@@ -835,7 +836,7 @@ interrupted() {
 }
 if command -v timeout >log/which 2>&1; then
   run 0 make knot big.obj --n 300000
-  run 0 sample big.obj big.xyzr --radius 0.02
+  run 0 sample big.obj big.xyzr --radius 0.05
   echo "as it was" >stopped.obj  # one that is there, others that are not
   echo "as it was" | tee stopped.xyzr >stopped.png
   interrupted INT 130 remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
