@@ -13,6 +13,20 @@
 #include <stdexcept>
 #include <string>
 
+/// Marks what a shared library shows. Where amps is one (AMPS_SHARED: CMake defines it, for users as well, who may also do so
+/// by hand), all else is hidden; a static library and the single header need nothing.
+#if !defined(AMPS_SHARED)
+#define AMPS_EXPORT
+#elif defined(_WIN32) || defined(__CYGWIN__)
+#if defined(AMPS_OWN_SOURCE)
+#define AMPS_EXPORT __declspec(dllexport)
+#else
+#define AMPS_EXPORT __declspec(dllimport)
+#endif
+#else
+#define AMPS_EXPORT __attribute__((visibility("default")))
+#endif
+
 namespace amps {
 
 /// Index of a vertex, facet, sample or cell. 32 bits: every array of amps has fewer than 2^31 entries.
@@ -37,7 +51,7 @@ enum class ErrorCode {
 
 /// The one exception amps throws (besides std::bad_alloc). State passed by reference is unchanged when it is thrown, unless
 /// the function says otherwise.
-class Error : public std::runtime_error {
+class AMPS_EXPORT Error : public std::runtime_error {
  public:
   Error(ErrorCode code, const std::string& message) : std::runtime_error(message), code_(code) {}
   ErrorCode code() const noexcept { return code_; }
@@ -50,7 +64,7 @@ class Error : public std::runtime_error {
 /// distributions of <random> differ between standard libraries, so amps has its own.
 class Rng {
  public:
-  explicit Rng(std::uint64_t seed) noexcept;
+  AMPS_EXPORT explicit Rng(std::uint64_t seed) noexcept;
 
   std::uint64_t next() noexcept {
     const std::uint64_t result = rotate(state_[1] * 5, 7) * 9;
@@ -68,7 +82,7 @@ class Rng {
   double uniform() noexcept { return static_cast<double>(next() >> 11) * 0x1p-53; }
 
   /// Uniform in {0, …, n−1}; n ≥ 1. Unbiased (rejection).
-  std::uint64_t below(std::uint64_t n) noexcept;
+  AMPS_EXPORT std::uint64_t below(std::uint64_t n) noexcept;
 
  private:
   static std::uint64_t rotate(std::uint64_t x, int k) noexcept { return (x << k) | (x >> (64 - k)); }
@@ -76,7 +90,7 @@ class Rng {
 };
 
 /// Barycentric coordinates of a uniformly distributed point of a triangle; two draws of `rng`.
-Vec3 uniform_barycentric(Rng& rng) noexcept;
+AMPS_EXPORT Vec3 uniform_barycentric(Rng& rng) noexcept;
 
 /// How a call ended that need not reach all it was asked for. The result is valid in any case. In this order one is worse than
 /// another.
@@ -91,7 +105,7 @@ enum class Outcome {
 };
 
 /// In words: "done", "iteration limit", "stalled", "count missed", "error missed", "shape changed", "cancelled".
-const char* name_of(Outcome outcome) noexcept;
+AMPS_EXPORT const char* name_of(Outcome outcome) noexcept;
 
 namespace detail {
 

@@ -409,7 +409,7 @@ class TrianglesView {
     return static_cast<Type>(kLog + (std::is_signed_v<T> ? 0 : 1));
   }
   /// Of the types that are not Index.
-  Index converted(const unsigned char* at) const noexcept;
+  AMPS_EXPORT Index converted(const unsigned char* at) const noexcept;
 
   detail::Columns<3> memory_;
   Type type_ = Type::kInt32;

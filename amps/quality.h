@@ -26,7 +26,7 @@ struct QualityReport {
   double valence_5_6_7 = 0;         ///< % of interior vertices with 5 to 7 edges; 0 if there is no interior vertex
 };
 /// Throws Error(kCancelled) if stopped through `execution`, whose threads are not used. O(#V + #F).
-QualityReport quality(const MeshView& mesh, const Execution& execution = {});
-std::ostream& operator<<(std::ostream& out, const QualityReport& report);
+AMPS_EXPORT QualityReport quality(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const QualityReport& report);
 
 }  // namespace amps

@@ -68,11 +68,11 @@ struct DistanceReport {
 /// all, and facets without area are curves or points, which count in the Hausdorff distance only. Bounds hold to rounding,
 /// 1e-14 of the greatest coordinate. Throws Error(kInvalidMesh) for a mesh that is not usable (require_usable),
 /// Error(kInvalidArgument) for options out of range; kCancelled. O(n log n) expected for n facets and points. Thread-safe.
-DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options = {});
+AMPS_EXPORT DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options = {});
 
 /// One direction alone: distances of the points of `from` to `to`; tolerance and spacing relative to the diagonal of `from`.
-OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options = {});
+AMPS_EXPORT OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options = {});
 
-std::ostream& operator<<(std::ostream& out, const DistanceReport& report);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const DistanceReport& report);
 
 }  // namespace amps
