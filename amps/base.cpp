@@ -6,6 +6,8 @@
 
 namespace amps {
 
+Error::~Error() = default;
+
 Rng::Rng(std::uint64_t seed) noexcept {
   for (std::uint64_t& word : state_) {  // splitmix64
     seed += 0x9e3779b97f4a7c15u;

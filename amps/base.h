@@ -2,6 +2,8 @@
 // the library includes this file and only files between it and itself in the reading order of amps.h.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/contraction.h"
 
 #include <Eigen/Core>
@@ -10,6 +12,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -54,6 +57,9 @@ enum class ErrorCode {
 class AMPS_EXPORT Error : public std::runtime_error {
  public:
   Error(ErrorCode code, const std::string& message) : std::runtime_error(message), code_(code) {}
+  Error(const Error&) = default;
+  Error& operator=(const Error&) = default;
+  ~Error() override;  // in base.cpp, so that all programs and libraries share one type information
   ErrorCode code() const noexcept { return code_; }
 
  private:
@@ -109,6 +115,9 @@ AMPS_EXPORT const char* name_of(Outcome outcome) noexcept;
 
 namespace detail {
 
+/// As a double; INFINITY is a float, whose conversion compilers like to warn of.
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
 /// splitmix64's finaliser: a hash of 64 bits.
 inline std::uint64_t scramble(std::uint64_t z) noexcept {
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -161,3 +170,5 @@ std::string number_text(double x);
 #define AMPS_ASSERT(condition) \
   ((condition) ? static_cast<void>(0) : ::amps::detail::assertion_failed(#condition, __FILE__, __LINE__))
 #endif
+
+#include "amps/host_macros_end.h"

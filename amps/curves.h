@@ -3,6 +3,8 @@
 // which creases are large enough to be kept.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/mesh.h"
 #include "amps/sizing.h"
 
@@ -79,3 +81,5 @@ class SurfaceEdges;
 CurveGraph find_curves(const MeshView& mesh, const SurfaceEdges& edges, const CurveOptions& options);
 }  // namespace detail
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -16,6 +16,8 @@
 // Error(ErrorCode::kCancelled). Both do so within 100 ms, unless a callback or an Executor takes longer.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 
 #include <algorithm>
@@ -252,3 +254,5 @@ class WorkCounter {
 
 }  // namespace detail
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -12,6 +12,8 @@
 // conjugate gradients. We differ from a registration in that each vertex has offsets of its own, and in the bounds that hold.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -77,3 +79,5 @@ AMPS_EXPORT Points fit_vertices(const MeshView& input, const MeshView& mesh, con
                                 FitReport* report = nullptr);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

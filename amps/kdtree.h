@@ -2,6 +2,8 @@
 // deterministic, ties included.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/buffers.h"
 #include "amps/execution.h"
@@ -47,3 +49,5 @@ class KdTree {
 };
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -6,6 +6,8 @@
 // are is measured in doubles.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
@@ -78,3 +80,5 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

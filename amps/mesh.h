@@ -1,6 +1,8 @@
 // mesh.h: the triangle mesh amps works on, what can be measured on it, and a report of what is wrong with an input.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/buffers.h"
 #include "amps/execution.h"
@@ -124,3 +126,5 @@ AMPS_EXPORT MeshReport check(const MeshView& mesh, const Execution& execution = 
 AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const MeshReport& report);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -6,6 +6,8 @@
 // (binary), the trouble and the remedy.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -132,3 +134,5 @@ AMPS_EXPORT std::vector<double> parse_vertex_property(std::string_view data, con
                                                       const std::string& name = "memory", const Execution& execution = {});
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -9,6 +9,8 @@
 // only for those that promise to be better, and decides: it is exact, the copy is not.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -128,3 +130,5 @@ OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samp
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -22,6 +22,8 @@
 // Thread-safety: const members may be called concurrently.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -299,3 +301,5 @@ struct DiagramCosts {
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

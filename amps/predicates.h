@@ -19,6 +19,8 @@
 // nothing and costs nothing.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/exact.h"
 
@@ -172,8 +174,8 @@ int power_test_in_limbs(const WeightedPoint* const p[4], const WeightedPoint& q,
 
 /// What holds for all calls within one point set. By default nothing.
 struct StaticBounds {
-  double orientation = INFINITY;  ///< determinants above this are decided
-  double power = INFINITY;
+  double orientation = kInfinity;  ///< determinants above this are decided
+  double power = kInfinity;
   double orientation_exact = 0;  ///< products of magnitudes up to this leave the double determinant without any rounding
   double power_exact = 0;
   /// For points within a box of these extents and weights within `weight_range` of each other, coordinates being multiples of
@@ -497,3 +499,5 @@ class PowerFilter {
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

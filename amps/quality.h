@@ -1,6 +1,8 @@
 // quality.h: how good a triangle mesh is — angles, edges, areas, the quality Q of Frey & Borouchaki, and valences.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -30,3 +32,5 @@ AMPS_EXPORT QualityReport quality(const MeshView& mesh, const Execution& executi
 AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const QualityReport& report);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

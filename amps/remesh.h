@@ -13,6 +13,8 @@
 // curves first, so close that the edge between neighbours is in the dual, and no disk reaches across a curve.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
@@ -142,3 +144,5 @@ AMPS_EXPORT Mesh restricted_triangulation(const MeshView& mesh, const SampleSet&
                                           Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

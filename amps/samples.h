@@ -3,6 +3,8 @@
 // these, always by the same operations, so whoever does that again gets the same bits.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -130,3 +132,5 @@ class GrowingSet {
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -9,6 +9,8 @@
 // as in the paper. So r_min ≤ r_i ≤ r(p_i), samples are at least r_min apart, and filling ends.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/cap_field.h"
 #include "amps/curves.h"
@@ -136,3 +138,5 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -10,6 +10,8 @@
 // tree over the facets in the order of a space-filling curve.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -63,3 +65,5 @@ AMPS_EXPORT SelfIntersectionReport find_self_intersections(const MeshView& mesh,
 AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const SelfIntersectionReport& report);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

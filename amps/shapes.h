@@ -2,6 +2,8 @@
 // upwards), the closed ones watertight with shared vertices and embedded.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/mesh.h"
 
@@ -43,3 +45,5 @@ struct KnotOptions {
 AMPS_EXPORT Mesh make_knot(const KnotOptions& options = {});
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -12,6 +12,8 @@
 // Everything here that takes an Execution throws Error(kCancelled) when cancelled.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -204,3 +206,5 @@ AMPS_EXPORT SizingField curvature_sizing(const MeshView& mesh, const CurvatureOp
                                          const Execution& execution = {});
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -14,6 +14,8 @@
 // subdivision down to the tolerance.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -76,3 +78,5 @@ AMPS_EXPORT OneSidedDistance one_sided_distance(const MeshView& from, const Mesh
 AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const DistanceReport& report);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -11,6 +11,8 @@
 // visiting it; distances are doubles. So the answer is that of a loop over all facets, bit for bit.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -66,3 +68,5 @@ class SurfaceTree {
 };
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

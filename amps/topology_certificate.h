@@ -8,6 +8,8 @@
 // a facet and two sites): components and Euler characteristics are counted from these, never from coordinates.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -189,3 +191,5 @@ class TopologyChecker::Scratch {
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

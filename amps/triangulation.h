@@ -35,6 +35,8 @@
 // Thread-safety: const members may be called concurrently; everything else needs exclusive access.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/buffers.h"
 #include "amps/execution.h"
@@ -302,9 +304,9 @@ class RegularTriangulation {
   Index last_cell_ = kNone;  ///< where the next walk without a hint starts
   bool weights_vary_ = false;
 
-  Vec3 box_min_ = Vec3::Constant(INFINITY);
-  Vec3 box_max_ = Vec3::Constant(-INFINITY);
-  double weight_min_ = INFINITY, weight_max_ = -INFINITY;
+  Vec3 box_min_ = Vec3::Constant(detail::kInfinity);
+  Vec3 box_max_ = Vec3::Constant(-detail::kInfinity);
+  double weight_min_ = detail::kInfinity, weight_max_ = -detail::kInfinity;
   detail::ExactScale scale_;  ///< the lattice all points lie on
   detail::StaticBounds bounds_;
 
@@ -326,3 +328,5 @@ class RegularTriangulation {
 };
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"
