@@ -128,6 +128,10 @@ inline std::uint64_t scramble(std::uint64_t z) noexcept {
 /// An Index that is known not to be negative, as a position in a std container.
 inline std::size_t slot(Index i) noexcept { return static_cast<std::size_t>(i); }
 
+/// Of length 1, also where squares are out of range; a zero vector stays as it is, without the 0/0 that Eigen's own
+/// stableNormalized() has there, and that hosts may trap.
+inline Vec3 normalized_or_zero(const Vec3& v) noexcept { return v.cwiseAbs().maxCoeff() > 0 ? Vec3(v.stableNormalized()) : v; }
+
 /// Asks for a cache line that will be read soon; nothing where the compiler has no word for it.
 inline void prefetch(const void* p) noexcept {
 #if defined(__GNUC__) || defined(__clang__)
