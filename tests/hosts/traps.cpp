@@ -176,6 +176,11 @@ int main(int argc, char** argv) {
     meshes.emplace_back("sphere", amps::make_sphere(1280));
     meshes.emplace_back("cube", amps::make_cube());
     meshes.emplace_back("torus", amps::make_torus(1, 0.4, 24, 12));
+    for (const double scale : {1e-30, 1e30}) {
+      amps::Mesh scaled = amps::make_torus(1, 0.4, 12, 6);
+      scaled.vertices.map() *= scale;
+      meshes.emplace_back("torus, scaled", scaled);
+    }
     meshes.emplace_back("folded sheet", folded_sheet(4));
     meshes.emplace_back("degenerate parts", with_degenerate_parts(amps::make_cube(2)));
     for (const char* name :
