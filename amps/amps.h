@@ -21,6 +21,8 @@
 //
 // Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
 //
+//   host_macros_begin.h  (internal) macros of the host are set aside
+//   host_macros_end.h    (internal) and put back
 //   contraction.h    (internal) no fused multiply-add in amps's own sources
 //   base.h           vectors and indices, Error, Rng
 //   buffers.h        plain tables that results own, views of the caller's memory

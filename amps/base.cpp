@@ -6,6 +6,8 @@
 
 namespace amps {
 
+Error::~Error() = default;
+
 Rng::Rng(std::uint64_t seed) noexcept {
   for (std::uint64_t& word : state_) {  // splitmix64
     seed += 0x9e3779b97f4a7c15u;
@@ -58,7 +60,8 @@ namespace detail {
 
 void require_exact_arithmetic() {
   // volatile: the compiler must not evaluate these with its own arithmetic.
-  volatile double one = 1.0, half_ulp = 0x1p-53, more = 0x1.8p-53;
+  // `more` is above half an ulp by less than the extended precision of the x87 holds: rounded to that first, it is a tie.
+  volatile double one = 1.0, half_ulp = 0x1p-53, more = 0x1.000002p-53;
   volatile double down = one + half_ulp;  // tie: to even, that is to 1
   volatile double up = one + more;        // above the tie: away
   volatile double minus = -one - more;

@@ -125,7 +125,9 @@ class RadiusTable {
   double integral(std::size_t k) const {  // of an interval
     return (nodes_[k + 1].s - nodes_[k].s) * 0.5 * (1 / nodes_[k].radius + 1 / nodes_[k + 1].radius);
   }
-  static double between(double a, double b, double t) { return t <= 0 ? a : t >= 1 ? b : a + t * (b - a); }
+  static double between(double a, double b, double t) {  // both may be infinite
+    return t <= 0 || a == b ? a : t >= 1 ? b : a + t * (b - a);
+  }
 
   std::vector<Node> nodes_;  ///< ascending; at least two
 };
@@ -133,7 +135,7 @@ class RadiusTable {
 void RadiusTable::lower(double s, double radius) {
   const std::size_t k = interval(s);
   const Node &a = nodes_[k], &b = nodes_[k + 1];
-  const double t = (s - a.s) / (b.s - a.s);
+  const double t = b.s > a.s ? (s - a.s) / (b.s - a.s) : s > a.s ? 1 : 0;
   Node node{s, radius, {}, {}};
   for (const std::size_t e : {std::size_t{0}, std::size_t{1}}) {
     node.of_wedge[e] = std::min(a.of_wedge[e], b.of_wedge[e]);

@@ -1,6 +1,8 @@
 // quality.h: how good a triangle mesh is — angles, edges, areas, the quality Q of Frey & Borouchaki, and valences.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -26,7 +28,9 @@ struct QualityReport {
   double valence_5_6_7 = 0;         ///< % of interior vertices with 5 to 7 edges; 0 if there is no interior vertex
 };
 /// Throws Error(kCancelled) if stopped through `execution`, whose threads are not used. O(#V + #F).
-QualityReport quality(const MeshView& mesh, const Execution& execution = {});
-std::ostream& operator<<(std::ostream& out, const QualityReport& report);
+AMPS_EXPORT QualityReport quality(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const QualityReport& report);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -67,9 +67,9 @@ class SiteTree {
   struct Node {
     Vec3 centre = Vec3::Zero();
     double half = 0;
-    double max_weight = -INFINITY;  ///< of all that were ever here
-    std::size_t first_child = 0;    ///< of eight; 0: a leaf
-    std::vector<Entry> entries;     ///< of a leaf
+    double max_weight = -kInfinity;  ///< of all that were ever here
+    std::size_t first_child = 0;     ///< of eight; 0: a leaf
+    std::vector<Entry> entries;      ///< of a leaf
   };
   static constexpr std::size_t kLeafSize = 8;
   static constexpr int kMaxDepth = 48;

@@ -169,7 +169,8 @@ class CurvatureEstimator {
       const double weight = a.squaredNorm() * b.squaredNorm();
       if (weight > 0) fan_normals_[fan_[c]] += a.cross(b) / weight;
     });
-    for_each_index(num_fans_, execution.part(0.5, 0.6), [this](std::size_t fan) { fan_normals_[fan].stableNormalize(); });
+    for_each_index(num_fans_, execution.part(0.5, 0.6),
+                   [this](std::size_t fan) { fan_normals_[fan] = detail::normalized_or_zero(fan_normals_[fan]); });
     correct_open_fans(execution.part(0.6, 1));
   }
 
@@ -197,7 +198,7 @@ class CurvatureEstimator {
     constexpr double kTrusted = 0.866;  // 30°: beyond, the facets are too coarse or uneven for this
     for_each_index(num_fans_, execution.part(0.8, 1), [&](std::size_t fan) {
       if (open_[fan] == 0 || !(corrected[fan].squaredNorm() > 0)) return;
-      const Vec3 n = corrected[fan].stableNormalized();
+      const Vec3 n = detail::normalized_or_zero(corrected[fan]);
       if (n.dot(fan_normals_[fan]) > kTrusted) fan_normals_[fan] = n;
     });
   }
@@ -268,10 +269,14 @@ SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& optio
   for_each_index(radii.size(), job.part(0.8, 0.83), [&](std::size_t v) {
     double& r = radii[v];
     const double curvature = r, error = options.max_error;
+    if (!(curvature > 0)) {
+      r = greatest;
+      return;
+    }
     // √(ε(2/κ − ε)) as √(εκ(2 − εκ))/κ.
     const double relative = error * curvature;
     const double wanted = relative < 1 ? std::sqrt(relative * (2 - relative)) / curvature : 1 / curvature;
-    r = curvature > 0 ? std::min(wanted, greatest) : greatest;
+    r = std::min(wanted, greatest);
   });
   return vertex_sizing(mesh, radii, job.part(0.83, 1));
 }

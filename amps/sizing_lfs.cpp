@@ -189,6 +189,7 @@ PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTrian
   const Vec3 vw = v.cross(w), wu = w.cross(u), uv = u.cross(v);
   const double det = u.dot(vw);
   PoleBall ball;
+  if (det == 0) return ball;
   const Vec3 c = (uu * vw + vv * wu + ww * uv) / (2 * det);
   ball.center = at(0) + c;
   ball.squared_radius = c.squaredNorm();
@@ -271,9 +272,9 @@ class PoleFinder {
       if (!cell.alive()) return;
       if (cell.ghost()) {
         const Vec3 a = triangulation_.point(cell.vertex[0]).position();
-        const Vec3 normal = (triangulation_.point(cell.vertex[1]).position() - a)
-                                .cross(triangulation_.point(cell.vertex[2]).position() - a)
-                                .stableNormalized();
+        const Vec3 ab = triangulation_.point(cell.vertex[1]).position() - a;
+        const Vec3 ac = triangulation_.point(cell.vertex[2]).position() - a;
+        const Vec3 normal = detail::normalized_or_zero(ab.cross(ac));
         for (std::size_t k = 0; k < 3; ++k) {
           const std::size_t v = slot(cell.vertex[k]);
           direction_[v] += normal;

@@ -61,9 +61,14 @@ double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
   const double obtuse = longest - p - q;
   if (obtuse < 0) return std::sqrt(p * q / (4 * p * q - obtuse * obtuse) * longest);
   // The side of square p, at an angle of cosine k to the longest, has its bisector meet that at √p / 2k, and 2k √p √longest =
-  // p + longest − q; likewise q. Neither is beyond the middle, which also stands in for 0/0 where p is 0.
+  // p + longest − q; likewise q. Neither is beyond the middle, which also stands in where rounding leaves nothing to divide by.
   const double length = std::sqrt(longest);
-  const double from_p = p * length / (p + longest - q), from_q = q * length / (q + longest - p);
+  const auto meets_at = [&](double side, double other) {
+    const double projected = side + longest - other;
+    if (side == 0) return 0.0;
+    return projected > 0 ? side * length / projected : std::numeric_limits<double>::infinity();
+  };
+  const double from_p = meets_at(p, q), from_q = meets_at(q, p);
   return std::min(length / 2, from_p > from_q ? from_p : from_q);
 }
 

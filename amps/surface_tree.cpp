@@ -32,6 +32,7 @@ struct TreeFacet {
   Vec3 a, ab, ac, to_b, to_c;
   double rim;  ///< if the projection has a barycentric coordinate at most this, look at that edge as well
   Index facet;
+  bool has_inner;  ///< false: too flat a facet for inner points; `to_b` and `to_c` are 0
 };
 
 struct FacetPoint {
@@ -89,17 +90,20 @@ TreeFacet tree_facet(const Vec3& a, const Vec3& b, const Vec3& c, Index facet) {
   // mesh shall be at distance 0 exactly. A sliver (sine of the angle at a below kSliver) has inner points known to
   // 2^-53/sine only, but its edges are nearer than its width.
   constexpr double kRim = 1e-9, kSliver = 1e-7;
-  TreeFacet t{a, b - a, c - a, Vec3::Zero(), Vec3::Zero(), kRim, facet};
+  constexpr double kInfinite = std::numeric_limits<double>::infinity(), kGreatest = std::numeric_limits<double>::max();
+  TreeFacet t{a, b - a, c - a, Vec3::Zero(), Vec3::Zero(), kRim, facet, false};
   const Vec3 normal = t.ab.cross(t.ac);
   const double square = normal.squaredNorm();
-  if (!(square > kSliver * kSliver * t.ab.squaredNorm() * t.ac.squaredNorm())) t.rim = std::numeric_limits<double>::infinity();
-  if (square > 0) {
-    t.to_b = t.ac.cross(normal) / square;
-    t.to_c = normal.cross(t.ab) / square;
-  }
-  if (!(square > 0) || !t.to_b.allFinite() || !t.to_c.allFinite()) {
-    // No inner points: NaN fails every comparison.
-    t.to_b = t.to_c = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());
+  if (!(square > kSliver * kSliver * t.ab.squaredNorm() * t.ac.squaredNorm())) t.rim = kInfinite;
+  const Vec3 b_direction = t.ac.cross(normal), c_direction = normal.cross(t.ab);
+  // In words: both quotients are finite. Only the smallest squares, far below 1, can make them overflow.
+  const double largest = std::max(b_direction.cwiseAbs().maxCoeff(), c_direction.cwiseAbs().maxCoeff());
+  t.has_inner = square > 0 && largest <= std::min(square, 1.0) * kGreatest;
+  if (t.has_inner) {
+    t.to_b = b_direction / square;
+    t.to_c = c_direction / square;
+  } else {
+    t.rim = kInfinite;
   }
   return t;
 }
@@ -115,7 +119,7 @@ FacetPoint nearest_on(const TreeFacet& t, const Vec3& query) {
   const Vec3 x = query - t.a;
   FacetPoint best{std::numeric_limits<double>::infinity(), 0, 0};
   double b = x.dot(t.to_b), c = x.dot(t.to_c);
-  if (b >= 0 && c >= 0 && b + c <= 1) {
+  if (b >= 0 && c >= 0 && b + c <= 1 && t.has_inner) {
     // The error of b and c is 2^-53 over the sine of the facet's angle; measured on what they leave of x, that of the error.
     Vec3 rest = x - b * t.ab - c * t.ac;
     const double finer_b = b + rest.dot(t.to_b), finer_c = c + rest.dot(t.to_c);
