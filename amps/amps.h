@@ -26,7 +26,7 @@
 //   buffers.h        plain tables that results own, views of the caller's memory
 //   thread_pool.h    (internal) threads that are started once
 //   execution.h      Execution: threads, progress and cancelling of a call; parallel_for
-//   portable_math.h  (internal) angles; sine and logarithm with the same bits everywhere
+//   portable_math.h  (internal) angles; sine, logarithm and their like with the same bits everywhere
 //   exact.h          (internal) the number types behind exact decisions
 //   predicates.h     orientation, power test, sides of bisectors, coverage: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input

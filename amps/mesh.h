@@ -68,7 +68,7 @@ Points facet_normals(const MeshView& mesh, const Execution& execution = {});
 struct Box {
   Vec3 min = Vec3::Zero();
   Vec3 max = Vec3::Zero();
-  double diagonal() const { return (max - min).norm(); }
+  double diagonal() const { return detail::norm(max - min); }
 };
 Box bounding_box(const MeshView& mesh, const Execution& execution = {});
 

@@ -91,8 +91,9 @@ TreeFacet tree_facet(const Vec3& a, const Vec3& b, const Vec3& c, Index facet) {
   constexpr double kRim = 1e-9, kSliver = 1e-7;
   TreeFacet t{a, b - a, c - a, Vec3::Zero(), Vec3::Zero(), kRim, facet};
   const Vec3 normal = t.ab.cross(t.ac);
-  const double square = normal.squaredNorm();
-  if (!(square > kSliver * kSliver * t.ab.squaredNorm() * t.ac.squaredNorm())) t.rim = std::numeric_limits<double>::infinity();
+  const double square = detail::squared_norm(normal);
+  if (!(square > kSliver * kSliver * detail::squared_norm(t.ab) * detail::squared_norm(t.ac)))
+    t.rim = std::numeric_limits<double>::infinity();
   if (square > 0) {
     t.to_b = t.ac.cross(normal) / square;
     t.to_c = normal.cross(t.ab) / square;
@@ -106,7 +107,7 @@ TreeFacet tree_facet(const Vec3& a, const Vec3& b, const Vec3& c, Index facet) {
 
 /// The parameter in [0, 1] of the point of the segment from 0 to `edge` nearest to x.
 double nearest_on_segment(const Vec3& edge, const Vec3& x) {
-  const double along = edge.dot(x), square = edge.squaredNorm();
+  const double along = detail::dot(edge, x), square = detail::squared_norm(edge);
   if (!(along > 0)) return 0;
   return along >= square ? 1 : along / square;
 }
@@ -114,17 +115,17 @@ double nearest_on_segment(const Vec3& edge, const Vec3& x) {
 FacetPoint nearest_on(const TreeFacet& t, const Vec3& query) {
   const Vec3 x = query - t.a;
   FacetPoint best{std::numeric_limits<double>::infinity(), 0, 0};
-  double b = x.dot(t.to_b), c = x.dot(t.to_c);
+  double b = detail::dot(x, t.to_b), c = detail::dot(x, t.to_c);
   if (b >= 0 && c >= 0 && b + c <= 1) {
     // The error of b and c is 2^-53 over the sine of the facet's angle; measured on what they leave of x, that of the error.
     Vec3 rest = x - b * t.ab - c * t.ac;
-    const double finer_b = b + rest.dot(t.to_b), finer_c = c + rest.dot(t.to_c);
+    const double finer_b = b + detail::dot(rest, t.to_b), finer_c = c + detail::dot(rest, t.to_c);
     if (finer_b >= 0 && finer_c >= 0 && finer_b + finer_c <= 1) {
       b = finer_b;
       c = finer_c;
       rest = x - b * t.ab - c * t.ac;
     }
-    best = {rest.squaredNorm(), b, c};
+    best = {detail::squared_norm(rest), b, c};
   }
   // Outside, the nearest point is on an edge whose line parts the projection from the facet.
   const auto offer = [&best](double squared_distance, double at_b, double at_c) {
@@ -132,16 +133,16 @@ FacetPoint nearest_on(const TreeFacet& t, const Vec3& query) {
   };
   if (!(c > t.rim)) {
     const double at = nearest_on_segment(t.ab, x);
-    offer((x - at * t.ab).squaredNorm(), at, 0);
+    offer(detail::squared_norm(x - at * t.ab), at, 0);
   }
   if (!(b > t.rim)) {
     const double at = nearest_on_segment(t.ac, x);
-    offer((x - at * t.ac).squaredNorm(), 0, at);
+    offer(detail::squared_norm(x - at * t.ac), 0, at);
   }
   if (!(1 - b - c > t.rim)) {
     const Vec3 from_b = x - t.ab, bc = t.ac - t.ab;
     const double at = nearest_on_segment(bc, from_b);
-    offer((from_b - at * bc).squaredNorm(), 1 - at, at);
+    offer(detail::squared_norm(from_b - at * bc), 1 - at, at);
   }
   return best;
 }
