@@ -73,6 +73,7 @@
 //   sample_edit.h    (internal) samples, diagram and grid edited together, kept or undone
 //   optimize.h       better triangles and valences by refilling gaps
 //   polygons.h       (internal) polygons of files, cut into triangles
+//   decimal.h        (internal) doubles as text
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files

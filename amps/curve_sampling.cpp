@@ -332,7 +332,7 @@ std::vector<CurveStop> stops_between(const CurveTask& task, const CurveStop& fir
   }
   add_window(task, first, 1, last.s - first.s, rng, stops);
   add_window(task, last, -1, last.s - first.s, rng, stops);
-  std::sort(stops.begin(), stops.end(), [](const CurveStop& a, const CurveStop& b) { return a.s < b.s; });
+  std::stable_sort(stops.begin(), stops.end(), [](const CurveStop& a, const CurveStop& b) { return a.s < b.s; });
   const auto not_ascending = [](const CurveStop& a, const CurveStop& b) { return !(a.s < b.s); };
   stops.erase(std::unique(stops.begin(), stops.end(), not_ascending), stops.end());
   while (!(stops.back().s < last.s)) stops.pop_back();
