@@ -109,7 +109,7 @@ void FragmentGap::set_frame(const FragmentView& fragment, const Ball& ball) {
   for (std::size_t k = 0; k < fragment.size; ++k) {
     const Vec3 d = (fragment.corners[k] - ball.centre) * to_frame;
     corners_[k] = {detail::dot(d, axis_u_), detail::dot(d, axis_v_)};
-    excess_[k] = corners_[k].squared_norm() - disk_;
+    excess_[k] = squared_norm(corners_[k]) - disk_;
     if ((excess_[k] > 0) != (uncovered_[k] != 0)) excess_[k] = uncovered_[k] != 0 ? kThinnestExcess : 0.0;
   }
 }
@@ -124,14 +124,14 @@ FragmentGap::EdgeKind FragmentGap::edge_kind(std::size_t from, std::size_t to) c
   const Point d = b - a;
   if (dot(a, d) >= 0 || dot(b, d) <= 0) return EdgeKind::kOutside;  // the nearest point to the centre is an end
   const double c = cross(a, d);
-  return c * c < disk_ * d.squared_norm() ? EdgeKind::kThrough : EdgeKind::kOutside;
+  return c * c < disk_ * squared_norm(d) ? EdgeKind::kThrough : EdgeKind::kOutside;
 }
 
 /// The first point on the circle from corner `outside` along the edge to `other`.
 FragmentGap::Point FragmentGap::crossing(std::size_t outside, std::size_t other) const {
   const Point& a = corners_[outside];
   const Point d = corners_[other] - a;
-  const double length = d.norm();
+  const double length = norm(d);
   if (!(length > 0)) return a;
   const Point direction = d / length;
   const double c = cross(a, direction);
@@ -197,7 +197,7 @@ void FragmentGap::add_whole_polygon() {
 void FragmentGap::add_ring() {
   const std::size_t n = corners_.size();
   const Point& corner = corners_[farthest_];
-  const Point touch = (radius_ / corner.norm()) * corner;
+  const Point touch = (radius_ / norm(corner)) * corner;
   const auto at = [&](std::size_t k) -> const Point& { return corners_[(farthest_ + k) % n]; };
 
   std::size_t k = 2;  // the line leaves the polygon on the edge from corner k − 1 to corner k, counted from the farthest
@@ -249,7 +249,7 @@ void FragmentGap::add_run(std::size_t begin, double angle) {
   double reach = 0;
   for (std::size_t k = begin + 1; k < end; ++k) {
     if (k + 1 < end) twice_area += cross(points_[k] - origin, points_[k + 1] - origin);
-    reach = std::max(reach, points_[k].norm());
+    reach = std::max(reach, norm(points_[k]));
   }
   double area = 0.5 * (twice_area - disk_ * angle_minus_sine(angle));
   // Thinner than rounding: as if it were one rounding error wide.

@@ -25,7 +25,7 @@ using detail::slot;
 struct CurvatureTensor {
   double uu = 0, uv = 0, vv = 0;
   /// Greatest absolute eigenvalue.
-  double norm() const {
+  double greatest() const {
     const double mean = (uu + vv) / 2, half = (uu - vv) / 2;
     return std::abs(mean) + std::sqrt(half * half + uv * uv);
   }
@@ -58,10 +58,9 @@ CurvatureTensor tensor_of(const TangentFrame& frame, const std::array<Vec3, 3>& 
     mixed += y * du + x * dv;
     yv += y * dv;
   }
-  Eigen::Matrix3d a;
-  a << xx, xy, 0, xy, xx + yy, xy, 0, xy, yy;
-  // Cramer's rule: a is positive definite for a facet with area, and facets too thin for doubles are left out by the caller.
-  const Vec3 right(xu, mixed, yv), c0 = a.col(0), c1 = a.col(1), c2 = a.col(2);
+  // Cramer's rule: the matrix of these columns is positive definite for a facet with area, and facets too thin for doubles are
+  // left out by the caller.
+  const Vec3 c0(xx, xy, 0), c1(xy, xx + yy, xy), c2(0, xy, yy), right(xu, mixed, yv);
   const double det = detail::dot(c0, c1.cross(c2));
   return {detail::dot(right, c1.cross(c2)) / det, detail::dot(c0, right.cross(c2)) / det,
           detail::dot(c0, c1.cross(right)) / det};
@@ -120,7 +119,7 @@ class CurvatureEstimator {
     for_each_index(fan_.size(), execution.part(0, 0.7), [&](std::size_t c) {
       double& value = at_vertex[vertex_of(c)];
       const std::size_t fan = fan_[c];
-      if (weights_[fan] > 0) value = std::max(value, tensors_[fan].norm() / weights_[fan] * scale_);
+      if (weights_[fan] > 0) value = std::max(value, tensors_[fan].greatest() / weights_[fan] * scale_);
     });
     for_each_index(fan_.size(), execution.part(0.7, 1), [&](std::size_t c) { result[c] = at_vertex[vertex_of(c)]; });
     return result;
@@ -172,7 +171,8 @@ class CurvatureEstimator {
       const double weight = detail::squared_norm(a) * detail::squared_norm(b);
       if (weight > 0) fan_normals_[fan_[c]] += a.cross(b) / weight;
     });
-    for_each_index(num_fans_, execution.part(0.5, 0.6), [this](std::size_t fan) { fan_normals_[fan].stableNormalize(); });
+    for_each_index(num_fans_, execution.part(0.5, 0.6),
+                   [this](std::size_t fan) { fan_normals_[fan] = detail::stable_normalized(fan_normals_[fan]); });
     correct_open_fans(execution.part(0.6, 1));
   }
 
