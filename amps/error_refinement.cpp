@@ -41,8 +41,7 @@ std::array<Vec3, 3> corners_of_facet(const MeshView& mesh, Index f) {
 }
 
 double longest_side(const std::array<Vec3, 3>& x) {
-  return std::sqrt(
-      std::max({detail::squared_norm(x[1] - x[0]), detail::squared_norm(x[2] - x[1]), detail::squared_norm(x[0] - x[2])}));
+  return std::sqrt(std::max({squared_norm(x[1] - x[0]), squared_norm(x[2] - x[1]), squared_norm(x[0] - x[2])}));
 }
 
 }  // namespace
@@ -135,7 +134,7 @@ double expected_under(const CapField& caps, const Mesh& result, const SampleSet&
   double density = 0;
   for (Index t = 0; t < output.num_facets(); ++t) {
     const std::array<Vec3, 3> x = corners_of_facet(output, t);
-    const double area = 0.5 * detail::norm((x[1] - x[0]).cross(x[2] - x[0]));
+    const double area = 0.5 * norm((x[1] - x[0]).cross(x[2] - x[0]));
     const double radius = caps.at((x[0] + x[1] + x[2]) / 3, samples.radii[slot(output.triangles(t, 0))]);
     density += area / (radius * radius);
   }

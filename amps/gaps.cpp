@@ -31,7 +31,7 @@ void complete_gap_frame(const Vec3& n, Vec3& u, Vec3& v) {
 
 /// x − sin x for x ≥ 0. Below 0.5 by its series, whose first term left out, x^17/17!, is below 2^-53 of the result.
 double angle_minus_sine(double x) {
-  if (x >= 0.5) return x - detail::portable_sine_cosine(x).sine;
+  if (x >= 0.5) return x - portable_sine_cosine(x).sine;
   const double y = x * x;
   double sum = 1.0;
   for (double k = 14.0; k >= 4.0; k -= 2.0) sum = 1.0 - sum * y / (k * (k + 1.0));
@@ -54,7 +54,7 @@ double FragmentGap::assign(const RestrictedPowerDiagram& diagram, const Restrict
   const Vec3 normal = normal_of(diagram.mesh(), polygon.facet);
   if (polygon.site == kNone) {  // all of it is a gap, as beside a ball that is too far away to meet it
     double extent = 0;
-    for (Index k = 1; k < polygon.size; ++k) extent = std::max(extent, detail::norm(polygon.corners[k] - polygon.corners[0]));
+    for (Index k = 1; k < polygon.size; ++k) extent = std::max(extent, norm(polygon.corners[k] - polygon.corners[0]));
     return assign({polygon.corners, decided_.size(), normal}, {polygon.corners[0] + 2 * extent * normal, extent * extent},
                   decided_);
   }
@@ -77,7 +77,7 @@ double FragmentGap::assign(const FragmentView& fragment, const Ball& ball, const
   double farthest_distance = -1;
   for (std::size_t k = 0; k < fragment.size; ++k) {
     if (uncovered_[k] == 0) continue;
-    const double distance = detail::squared_norm(fragment.corners[k] - ball.centre);
+    const double distance = squared_norm(fragment.corners[k] - ball.centre);
     if (distance > farthest_distance) {
       farthest_distance = distance;
       farthest_ = k;
@@ -99,7 +99,7 @@ void FragmentGap::set_frame(const FragmentView& fragment, const Ball& ball) {
   complete_gap_frame(fragment.normal, axis_u_, axis_v_);
   // The plane is taken through the farthest corner, so that rounding cannot make a gap with this corner vanish in the plane:
   // its distance within the plane and the height below add up to its distance in space.
-  const double height = detail::dot(farthest_corner_ - ball.centre, fragment.normal);
+  const double height = dot(farthest_corner_ - ball.centre, fragment.normal);
   origin_ = ball.centre + height * fragment.normal;
   disk_ = 1.0 - (height * to_frame) * (height * to_frame);
   radius_ = disk_ > 0 ? std::sqrt(disk_) : 0.0;
@@ -108,7 +108,7 @@ void FragmentGap::set_frame(const FragmentView& fragment, const Ball& ball) {
   excess_.resize(fragment.size);
   for (std::size_t k = 0; k < fragment.size; ++k) {
     const Vec3 d = (fragment.corners[k] - ball.centre) * to_frame;
-    corners_[k] = {detail::dot(d, axis_u_), detail::dot(d, axis_v_)};
+    corners_[k] = {dot(d, axis_u_), dot(d, axis_v_)};
     excess_[k] = squared_norm(corners_[k]) - disk_;
     if ((excess_[k] > 0) != (uncovered_[k] != 0)) excess_[k] = uncovered_[k] != 0 ? kThinnestExcess : 0.0;
   }

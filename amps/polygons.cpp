@@ -33,7 +33,7 @@ Vec3 newell_normal(const double* coordinates, const std::vector<Index>& ring) {
 /// Of the angle at b.
 double cotangent_at(const double* a, const double* b, const double* c) {
   const Vec3 u(a[0] - b[0], a[1] - b[1], a[2] - b[2]), v(c[0] - b[0], c[1] - b[1], c[2] - b[2]);
-  return detail::dot(u, v) / detail::norm(u.cross(v));
+  return dot(u, v) / norm(u.cross(v));
 }
 
 }  // namespace

@@ -13,8 +13,8 @@ namespace {
 /// Orthocentre of three weighted points in their plane: the point of equal power.
 Vec3 dual_point(const Vec3& a, double wa, const Vec3& b, double wb, const Vec3& c, double wc) {
   const Vec3 u = b - a, v = c - a, n = u.cross(v);
-  const double bu = detail::squared_norm(u) - wb + wa, bv = detail::squared_norm(v) - wc + wa;
-  return a + (bu * v.cross(n) + bv * n.cross(u)) / (2 * detail::squared_norm(n));
+  const double bu = squared_norm(u) - wb + wa, bv = squared_norm(v) - wc + wa;
+  return a + (bu * v.cross(n) + bv * n.cross(u)) / (2 * squared_norm(n));
 }
 
 /// A dual point above the surface may be uncovered where the surface is not: so much of the weight is allowed, and the diagram
@@ -81,7 +81,7 @@ void TrialPatch::append(int a, int b, int c) {
   const auto ia = static_cast<std::size_t>(a), ib = static_cast<std::size_t>(b), ic = static_cast<std::size_t>(c);
   t.corner = {static_cast<std::uint8_t>(a), static_cast<std::uint8_t>(b), static_cast<std::uint8_t>(c)};
   t.dual = dual_point(position_[ia], weight_[ia], position_[ib], weight_[ib], position_[ic], weight_[ic]);
-  t.power = detail::squared_norm(t.dual - position_[ia]) - weight_[ia];
+  t.power = squared_norm(t.dual - position_[ia]) - weight_[ia];
   t.rating = rating_->triangle(position_[ia], position_[ib], position_[ic]);
   for (const std::size_t v : {ia, ib, ic}) ++neighbors_[v];
 }
@@ -144,12 +144,12 @@ bool TrialPatch::fill(const std::uint8_t* ring, int size) {
     for (int k = 0; k < size && best_margin < 0; ++k) {
       const auto at = [&](int i) { return left[static_cast<std::size_t>((k + i + size) % size)]; };
       const Vec3 &a = position_[at(-1)], &b = position_[at(0)], &c = position_[at(1)];
-      if (!(detail::dot((b - a).cross(c - b), normal) > 0)) continue;
+      if (!(dot((b - a).cross(c - b), normal) > 0)) continue;
       const Vec3 dual = dual_point(a, weight_[at(-1)], b, weight_[at(0)], c, weight_[at(1)]);
-      const double power = detail::squared_norm(dual - a) - weight_[at(-1)];
+      const double power = squared_norm(dual - a) - weight_[at(-1)];
       double margin = std::numeric_limits<double>::infinity();
       for (int i = 2; i + 1 < size; ++i) {
-        margin = std::min(margin, detail::squared_norm(dual - position_[at(i)]) - weight_[at(i)] - power);
+        margin = std::min(margin, squared_norm(dual - position_[at(i)]) - weight_[at(i)] - power);
       }
       if (margin > best_margin) {
         best_margin = margin;
@@ -172,7 +172,7 @@ bool TrialPatch::insert(const Vec3& x, double weight) {
   int gone = 0;
   for (int t = 0; t < num_triangles_;) {
     const Triangle& triangle = triangles_[static_cast<std::size_t>(t)];
-    if (!(detail::squared_norm(triangle.dual - x) - weight < triangle.power)) {
+    if (!(squared_norm(triangle.dual - x) - weight < triangle.power)) {
       ++t;
       continue;
     }
