@@ -1,6 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/base.h"
 
+#include <algorithm>
+#include <limits>
 #include <locale>
 #include <sstream>
 
@@ -57,6 +59,36 @@ const char* name_of(Outcome outcome) noexcept {
 }
 
 namespace detail {
+
+namespace {
+
+// Squares in here are as precise as any, their parts included where these count.
+bool well_in_range(double square) { return square > 1e-280 && square < 1e280; }
+
+// 2^-exponent times the vector, which makes its greatest coordinate some number in [½, 1).
+Vec3 scaled_to_one(const Vec3& a, int& exponent) {
+  std::frexp(a.lpNorm<Eigen::Infinity>(), &exponent);
+  return {std::ldexp(a[0], -exponent), std::ldexp(a[1], -exponent), std::ldexp(a[2], -exponent)};
+}
+
+}  // namespace
+
+double stable_norm(const Vec3& a) noexcept {
+  const double square = squared_norm(a);
+  if (well_in_range(square)) return std::sqrt(square);
+  if (!a.allFinite() || a.isZero(0)) return square;
+  int exponent = 0;
+  const Vec3 scaled = scaled_to_one(a, exponent);
+  return std::ldexp(norm(scaled), exponent);
+}
+
+Vec3 stable_normalized(const Vec3& a) noexcept {
+  const double square = squared_norm(a);
+  if (well_in_range(square)) return a / std::sqrt(square);
+  if (!a.allFinite() || a.isZero(0)) return a;
+  int exponent = 0;
+  return normalized(scaled_to_one(a, exponent));
+}
 
 void require_exact_arithmetic() {
   // volatile: the compiler must not evaluate these with its own arithmetic.

@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>  // cross products
 
 #include <chrono>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -118,6 +119,32 @@ namespace detail {
 /// As a double; INFINITY is a float, whose conversion compilers like to warn of.
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// Sums over the coordinates of a vector, from the first to the last: Eigen's own dot, norm and sum add in another order with
+// vector units than without. (What Eigen does coordinate by coordinate, and its cross product, have one order anyway.)
+// Always inline: a copy in a program that allows contraction must not stand in for the library's.
+#if defined(__GNUC__) || defined(__clang__)
+#define AMPS_ALWAYS_INLINE inline __attribute__((always_inline))
+#elif defined(_MSC_VER)
+#define AMPS_ALWAYS_INLINE __forceinline
+#else
+#define AMPS_ALWAYS_INLINE inline
+#endif
+
+AMPS_ALWAYS_INLINE double sum(const Vec3& a) noexcept { return a[0] + a[1] + a[2]; }
+AMPS_ALWAYS_INLINE double dot(const Vec3& a, const Vec3& b) noexcept { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+AMPS_ALWAYS_INLINE double squared_norm(const Vec3& a) noexcept { return a[0] * a[0] + a[1] * a[1] + a[2] * a[2]; }
+AMPS_ALWAYS_INLINE double norm(const Vec3& a) noexcept { return std::sqrt(squared_norm(a)); }
+
+/// The vector itself if its square is zero.
+AMPS_ALWAYS_INLINE Vec3 normalized(const Vec3& a) noexcept {
+  const double square = squared_norm(a);
+  return square > 0 ? Vec3(a / std::sqrt(square)) : a;
+}
+
+/// The same for vectors whose squares are out of range: areas at extreme scales.
+double stable_norm(const Vec3& a) noexcept;
+Vec3 stable_normalized(const Vec3& a) noexcept;
+
 /// splitmix64's finaliser: a hash of 64 bits.
 inline std::uint64_t scramble(std::uint64_t z) noexcept {
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -127,10 +154,6 @@ inline std::uint64_t scramble(std::uint64_t z) noexcept {
 
 /// An Index that is known not to be negative, as a position in a std container.
 inline std::size_t slot(Index i) noexcept { return static_cast<std::size_t>(i); }
-
-/// Of length 1, also where squares are out of range; a zero vector stays as it is, without the 0/0 that Eigen's own
-/// stableNormalized() has there, and that hosts may trap.
-inline Vec3 normalized_or_zero(const Vec3& v) noexcept { return v.cwiseAbs().maxCoeff() > 0 ? Vec3(v.stableNormalized()) : v; }
 
 /// Asks for a cache line that will be read soon; nothing where the compiler has no word for it.
 inline void prefetch(const void* p) noexcept {

@@ -76,7 +76,7 @@ AMPS_EXPORT Points facet_normals(const MeshView& mesh, const Execution& executio
 struct Box {
   Vec3 min = Vec3::Zero();
   Vec3 max = Vec3::Zero();
-  double diagonal() const { return (max - min).norm(); }
+  double diagonal() const { return detail::norm(max - min); }
 };
 AMPS_EXPORT Box bounding_box(const MeshView& mesh, const Execution& execution = {});
 

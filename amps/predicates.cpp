@@ -18,7 +18,7 @@ StaticBounds StaticBounds::for_set(const Vec3& extent, double weight_range, int 
   }
   // A flat box has no static bound of use; a huge or tiny one leaves it to the later stages.
   const double min_extent = extent.minCoeff(), max_extent = extent.maxCoeff();
-  const double height = extent.squaredNorm() + weight_range;
+  const double height = squared_norm(extent) + weight_range;
   if (!(max_extent < kFilterMax && min_extent > kFilterMin && height < kFilterMax)) return bounds;
   // The box's own extents carry a rounding; the slack of the constants covers it.
   const double volume = extent.x() * extent.y() * extent.z();

@@ -17,11 +17,11 @@ struct DualPoint {
 };
 DualPoint dual_point(const Vec3& a, double wa, const Vec3& b, double wb, const Vec3& c, double wc) {
   const Vec3 u = b - a, v = c - a, n = u.cross(v);
-  const double nn = n.squaredNorm();
+  const double nn = detail::squared_norm(n);
   if (nn == 0) return {a, -kInfinity};
-  const double bu = u.squaredNorm() - wb + wa, bv = v.squaredNorm() - wc + wa;
+  const double bu = detail::squared_norm(u) - wb + wa, bv = detail::squared_norm(v) - wc + wa;
   const Vec3 dual = a + (bu * v.cross(n) + bv * n.cross(u)) / (2 * nn);
-  return {dual, (dual - a).squaredNorm() - wa};
+  return {dual, detail::squared_norm(dual - a) - wa};
 }
 
 /// A dual point above the surface may be uncovered where the surface is not: so much of the weight is allowed, and the diagram
@@ -152,11 +152,11 @@ bool TrialPatch::fill(const std::uint8_t* ring, int size) {
     for (int k = 0; k < size && best_margin < 0; ++k) {
       const auto at = [&](int i) { return left[static_cast<std::size_t>((k + i + size) % size)]; };
       const Vec3 &a = position_[at(-1)], &b = position_[at(0)], &c = position_[at(1)];
-      if (!((b - a).cross(c - b).dot(normal) > 0)) continue;
+      if (!(detail::dot((b - a).cross(c - b), normal) > 0)) continue;
       const DualPoint dual = dual_point(a, weight_[at(-1)], b, weight_[at(0)], c, weight_[at(1)]);
       double margin = std::numeric_limits<double>::infinity();
       for (int i = 2; i + 1 < size; ++i) {
-        margin = std::min(margin, (dual.position - position_[at(i)]).squaredNorm() - weight_[at(i)] - dual.power);
+        margin = std::min(margin, detail::squared_norm(dual.position - position_[at(i)]) - weight_[at(i)] - dual.power);
       }
       if (margin > best_margin) {
         best_margin = margin;
@@ -179,7 +179,7 @@ bool TrialPatch::insert(const Vec3& x, double weight) {
   int gone = 0;
   for (int t = 0; t < num_triangles_;) {
     const Triangle& triangle = triangles_[static_cast<std::size_t>(t)];
-    if (!((triangle.dual - x).squaredNorm() - weight < triangle.power)) {
+    if (!(squared_norm(triangle.dual - x) - weight < triangle.power)) {
       ++t;
       continue;
     }
