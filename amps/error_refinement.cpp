@@ -95,7 +95,7 @@ ErrorCaps ErrorSearch::look(const Mesh& result, const SampleSet& samples, double
   const auto share_at = [&](Index s, double d) {
     const double radius = samples.radii[slot(s)];
     const std::array<Vec3, 3> x = corners_of_facet(mesh_, samples.facets[slot(s)]);
-    const bool smooth = (x[1] - x[0]).cross(x[2] - x[0]).squaredNorm() < radius * radius * radius * radius;
+    const bool smooth = detail::squared_norm((x[1] - x[0]).cross(x[2] - x[0])) < radius * radius * radius * radius;
     const double left = std::clamp(smooth ? std::sqrt(aim / d) : aim / d, kMinErrorShare, kMaxErrorShare);
     return few ? kFactorOfFew * left : left;
   };
@@ -128,7 +128,7 @@ double expected_under(const CapField& caps, const Mesh& result, const SampleSet&
   double density = 0;
   for (Index t = 0; t < output.num_facets(); ++t) {
     const std::array<Vec3, 3> x = corners_of_facet(output, t);
-    const double area = 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm();
+    const double area = 0.5 * norm((x[1] - x[0]).cross(x[2] - x[0]));
     const double radius = caps.at((x[0] + x[1] + x[2]) / 3, samples.radii[slot(output.triangles(t, 0))]);
     density += area / (radius * radius);
   }

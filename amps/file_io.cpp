@@ -86,18 +86,6 @@ bool parse_integer(const char*& p, const char* end, std::int64_t& value) {
   return true;
 }
 
-void append_number(std::string& out, double value) {
-#if AMPS_HAS_DOUBLE_CHARCONV
-  char digits[32];
-  out.append(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
-#else
-  std::ostringstream text;
-  text.imbue(std::locale::classic());
-  text.precision(std::numeric_limits<double>::max_digits10);
-  text << value;
-  out += text.str();
-#endif
-}
 #undef AMPS_HAS_DOUBLE_CHARCONV
 
 void append_number(std::string& out, std::int64_t value) {

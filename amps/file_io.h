@@ -3,6 +3,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/decimal.h"
 #include "amps/execution.h"
 
 #include <algorithm>
@@ -66,8 +67,6 @@ bool parse_double_slowly(std::string_view token, double& value);
 /// Parses an integer at p and moves p behind it; false, and p unmoved, if there is none or it is too large.
 bool parse_integer(const char*& p, const char* end, std::int64_t& value);
 
-/// Appends the shortest decimal that reads back as the same double.
-void append_number(std::string& out, double value);
 void append_number(std::string& out, std::int64_t value);
 
 inline bool is_token_end(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\v' || c == '\f'; }

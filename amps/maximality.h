@@ -6,6 +6,8 @@
 // are is measured in doubles.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
@@ -39,10 +41,11 @@ struct MaximalityReport {
 /// `curves` (optional): disks end at these, as those of remesh() do (RemeshResult::graph); with Neighborhood::kSurface only.
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
 /// barycentrics are given but not one a sample; kInvalidMesh; kCancelled, as find_gaps().
-MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                                ConflictRule rule = ConflictRule::kMax, Neighborhood neighborhood = Neighborhood::kSpace,
-                                const CurveGraph* curves = nullptr);
-std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
+AMPS_EXPORT MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
+                                            ConflictRule rule = ConflictRule::kMax,
+                                            Neighborhood neighborhood = Neighborhood::kSpace,
+                                            const CurveGraph* curves = nullptr);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
 
 /// The uncovered part of the surface as triangles: the gap primitives. Each triangle contains a piece of a gap (and may
 /// overlap a disk by its circular segment); their union covers all gaps.
@@ -52,8 +55,8 @@ struct GapSet {
   Index gaps = 0;             ///< uncovered fragments
   double area = 0;            ///< exact uncovered area (less than that of the primitives)
 };
-GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                 Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
+AMPS_EXPORT GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
+                             Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
 
 namespace detail {
 
@@ -78,3 +81,5 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -96,15 +96,15 @@ FacetCross facet_cross(const MeshView& mesh, Index f) {
   result.cross = u.cross(v);
   // Each component carries an error below 8·2^-53·|u||v| (two rounded differences and a product each, one subtraction), far
   // under 2^-40·|u||v|: beyond that the corners are not collinear, below it the exact test decides.
-  const double bound = 0x1p-80 * u.squaredNorm() * v.squaredNorm();
-  const double square = result.cross.squaredNorm();
+  const double bound = 0x1p-80 * detail::squared_norm(u) * detail::squared_norm(v);
+  const double square = detail::squared_norm(result.cross);
   if (std::isfinite(square) && !(square > bound) && collinear(a.data(), b.data(), c.data())) result.cross.setZero();
   return result;
 }
 
 double facet_area(const MeshView& mesh, Index f) {
   const FacetCross x = facet_cross(mesh, f);
-  return 0.5 * x.cross.norm() * x.scale * x.scale;
+  return 0.5 * detail::norm(x.cross) * x.scale * x.scale;
 }
 
 // Neumaier's compensated sum, so that the total is good to a few last bits whatever the number and order of facets.
@@ -267,7 +267,7 @@ Points facet_normals(const MeshView& mesh, const Execution& execution) {
   Points normals(mesh.num_facets());
   for_each_watched(mesh.num_facets(), run, [&](Index f) {
     const Vec3 cross = facet_cross(mesh, f).cross;
-    if (cross.squaredNorm() > 0) normals.row(f) = cross.stableNormalized().transpose();
+    if (detail::squared_norm(cross) > 0) normals.row(f) = detail::stable_normalized(cross).transpose();
   });
   run.finish();
   return normals;

@@ -10,9 +10,9 @@
 #include <cstdint>
 #include <istream>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <ostream>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -562,7 +562,7 @@ std::string format_ply(const MeshView& mesh, const MeshWriteOptions& options, co
 
 /// Places of the labels, those of one number one after another: numbers in the order in which they come.
 std::vector<std::size_t> group_by_group(const std::vector<Index>& labels) {
-  std::unordered_map<Index, std::size_t> rank;
+  std::map<Index, std::size_t> rank;
   for (const Index label : labels) rank.emplace(label, rank.size());
   std::vector<std::size_t> order(labels.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

@@ -39,7 +39,7 @@ Vec3 newell_normal(const ProjectedRing& ring) {
 /// Of the angle at b.
 double cotangent_at(const double* a, const double* b, const double* c) {
   const Vec3 u(a[0] - b[0], a[1] - b[1], a[2] - b[2]), v(c[0] - b[0], c[1] - b[1], c[2] - b[2]);
-  return u.dot(v) / u.cross(v).norm();
+  return dot(u, v) / norm(u.cross(v));
 }
 
 /// Polygons of so many corners are worth a sweep and a tree.

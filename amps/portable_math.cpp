@@ -1,9 +1,36 @@
 #define AMPS_OWN_SOURCE
 #include "amps/portable_math.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <iterator>
 
 namespace amps::detail {
+namespace {
+
+constexpr double kInverseFactorials[] = {1.0,
+                                         1.0,
+                                         1.0 / 2,
+                                         1.0 / 6,
+                                         1.0 / 24,
+                                         1.0 / 120,
+                                         1.0 / 720,
+                                         1.0 / 5040,
+                                         1.0 / 40320,
+                                         1.0 / 362880,
+                                         1.0 / 3628800,
+                                         1.0 / 39916800,
+                                         1.0 / 479001600,
+                                         1.0 / 6227020800,
+                                         1.0 / 87178291200,
+                                         1.0 / 1307674368000,
+                                         1.0 / 20922789888000,
+                                         1.0 / 355687428096000,
+                                         1.0 / 6402373705728000};
+
+}  // namespace
 
 double portable_sine(double x) {
   // The remainder of the series is below x²³/23! < 2e-18.
@@ -59,6 +86,64 @@ double portable_log(double x) {
   }
   const double s = (m - 1) / (m + 1);
   return exponent * kLn2 + 2 * s * portable_atanh_over(s);
+}
+
+SineCosine portable_sine_cosine(double x) {
+  // Quarter turns are taken off in three parts of 33, 33 and 53 bits: the first two times a number of 20 bits are exact.
+  constexpr double kHigh = 0x1.921fb544p+0, kMiddle = 0x1.0b4611a6p-34, kLow = 0x1.3198a2e037073p-69;
+  const double quarters = std::floor(x / (kPi / 2) + 0.5);
+  const double r = x - quarters * kHigh - quarters * kMiddle - quarters * kLow;
+  // |r| ≤ π/4: the remainders are below r¹⁹/19! < 1e-19 and r¹⁸/18! < 3e-18.
+  const double q = r * r;
+  double sine = 0, cosine = 0;
+  for (std::size_t k = std::size(kInverseFactorials) - 2; k >= 3; k -= 2) {
+    sine = kInverseFactorials[k] - q * sine;
+    cosine = kInverseFactorials[k + 1] - q * cosine;
+  }
+  sine = r - r * q * sine;
+  cosine = 1 - q / 2 + q * q * cosine;
+  switch (static_cast<std::int64_t>(quarters) & 3) {
+    case 0:
+      return {sine, cosine};
+    case 1:
+      return {cosine, -sine};
+    case 2:
+      return {-sine, -cosine};
+    default:
+      return {-cosine, sine};
+  }
+}
+
+double portable_arc_tangent(double y, double x) {
+  // atan(small/large), off the nearest of 0, ¼, ½, ¾ and 1: tan(a − b) = (tan a − tan b)/(1 + tan a tan b).
+  constexpr double kArcs[] = {0, 0x1.f5b75f92c80ddp-3, 0x1.dac670561bb4fp-2, 0x1.4978fa3269ee1p-1, 0x1.921fb54442d18p-1};
+  const double large = std::max(std::abs(x), std::abs(y)), small = std::min(std::abs(x), std::abs(y));
+  double angle = 0;
+  if (small > 0) {
+    const double nearest = std::floor(small / large * 4 + 0.5), tangent = nearest / 4;
+    const double t = (small - tangent * large) / (large + tangent * small);
+    // |t| ≤ ⅛: the remainder is below t¹⁹/19 < 4e-19.
+    const double q = t * t;
+    double sum = 0;
+    for (int n = 17; n >= 3; n -= 2) sum = 1.0 / n - q * sum;
+    angle = kArcs[static_cast<int>(nearest)] + (t - t * q * sum);
+  }
+  if (std::abs(y) > std::abs(x)) angle = kPi / 2 - angle;
+  if (x < 0) angle = kPi - angle;
+  return y < 0 ? -angle : angle;
+}
+
+double portable_arc_cosine(double cosine) { return portable_arc_tangent(std::sqrt((1 - cosine) * (1 + cosine)), cosine); }
+
+double portable_exp(double x) {
+  // Powers of two are taken off, ln 2 in two parts: the first of 32 bits, times an exponent exact.
+  constexpr double kHigh = 0x1.62e42feep-1, kLow = 0x1.a39ef35793c76p-33;
+  const double exponent = std::floor(x / kHigh + 0.5);
+  const double r = x - exponent * kHigh - exponent * kLow;
+  // |r| ≤ ½ ln 2: the remainder is below r¹⁹/19! < 1e-25.
+  double sum = 0;
+  for (std::size_t k = std::size(kInverseFactorials); k-- > 2;) sum = kInverseFactorials[k] + r * sum;
+  return std::ldexp(1 + (r + r * r * sum), static_cast<int>(exponent));
 }
 
 }  // namespace amps::detail

@@ -37,7 +37,7 @@ FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
   double lengths[3];
   for (int k = 0; k < 3; ++k) {
     edges[k] = corners[(k + 2) % 3] - corners[(k + 1) % 3];
-    lengths[k] = edges[k].norm();
+    lengths[k] = detail::norm(edges[k]);
   }
   const int longest = static_cast<int>(std::max_element(lengths, lengths + 3) - lengths);
   // Products of lengths stay in range. Angles and Q do not depend on the scale.
@@ -52,17 +52,18 @@ FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
     }
   }
   // Twice the area, from the two shorter edges: its error is relative to their product, the smallest of the three.
-  const double twice_area = edges[(longest + 1) % 3].cross(edges[(longest + 2) % 3]).norm();
+  const double twice_area = detail::norm(edges[(longest + 1) % 3].cross(edges[(longest + 2) % 3]));
   if (!(twice_area > 0)) return {0, 0, 180, true, 0, {0, 0, 180}};
 
   FacetShape shape{twice_area / 2, 180, 0, false, 0, {}};
   for (int k = 0; k < 3; ++k) {
-    const double dot = -edges[(k + 1) % 3].dot(edges[(k + 2) % 3]);  // one of the two leads to the corner, one away from it
-    const double angle = detail::to_degrees(std::atan2(twice_area, dot));
+    // One of the two leads to the corner, one away from it.
+    const double along = -detail::dot(edges[(k + 1) % 3], edges[(k + 2) % 3]);
+    const double angle = detail::to_degrees(detail::portable_arc_tangent(twice_area, along));
     shape.angles[detail::slot(k)] = angle;
     shape.smallest_angle = std::min(shape.smallest_angle, angle);
     shape.largest_angle = std::max(shape.largest_angle, angle);
-    shape.obtuse |= dot < 0;
+    shape.obtuse |= along < 0;
   }
   const double half_perimeter = (lengths[0] + lengths[1] + lengths[2]) / 2;
   shape.q = 6 / std::sqrt(3.0) * shape.area / (half_perimeter * lengths[longest]);
@@ -127,7 +128,7 @@ void measure_edges(const MeshView& mesh, QualityReport& report, const Execution&
     ticker.tick();
     const detail::MeshEdge edge = edges[e];
     const std::size_t low = detail::slot(edge.low), high = detail::slot(edge.high);
-    const double length = (mesh.vertices[edge.low] - mesh.vertices[edge.high]).norm();
+    const double length = detail::norm(mesh.vertices[edge.low] - mesh.vertices[edge.high]);
     report.min_edge = e == 0 ? length : std::min(report.min_edge, length);
     report.max_edge = std::max(report.max_edge, length);
     report.mean_edge += length;
@@ -189,7 +190,7 @@ BoundRatios bound_ratios(const MeshView& mesh, const ValuesView& radii, const Ex
   if (edges.size() == 0) return {};
   for (std::size_t e = 0; e < edges.size(); ++e) {
     const double a = radii[edges[e].low], b = radii[edges[e].high];
-    const double length = (mesh.vertices[edges[e].low] - mesh.vertices[edges[e].high]).norm();
+    const double length = detail::norm(mesh.vertices[edges[e].low] - mesh.vertices[edges[e].high]);
     ratios.min_edge = std::min(ratios.min_edge, length / std::max(a, b));
     ratios.max_edge = std::max(ratios.max_edge, length / (a + b));
     const double gradation = a == b ? 0 : std::abs(a - b) / length;

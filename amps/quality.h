@@ -1,6 +1,8 @@
 // quality.h: how good a triangle mesh is — angles, edges, areas, the quality Q of Frey & Borouchaki, and valences.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/buffers.h"
 #include "amps/execution.h"
@@ -29,8 +31,8 @@ struct QualityReport {
   double valence_5_6_7 = 0;           ///< % of interior vertices with 5 to 7 edges; 0 if there is no interior vertex
 };
 /// Throws Error(kCancelled) if stopped through `execution`, whose threads are not used. O(#V + #F).
-QualityReport quality(const MeshView& mesh, const Execution& execution = {});
-std::ostream& operator<<(std::ostream& out, const QualityReport& report);
+AMPS_EXPORT QualityReport quality(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const QualityReport& report);
 
 /// Edges and areas over what they can be at most, or least, in the dual of a maximal set: the columns |e'_max|, |t'_min| and
 /// |t'_max| of the paper's Table 1. With one radius r, edges are in [r, 2r], and triangles have circumradii of at most r: none
@@ -48,6 +50,8 @@ struct BoundRatios {
 };
 /// `radii`: of each vertex, absolute. Throws Error: kInvalidArgument (not one radius a vertex, one not finite or not above 0);
 /// kCancelled. Zeros without a triangle. Facets with repeated indices are skipped. O(#F).
-BoundRatios bound_ratios(const MeshView& mesh, const ValuesView& radii, const Execution& execution = {});
+AMPS_EXPORT BoundRatios bound_ratios(const MeshView& mesh, const ValuesView& radii, const Execution& execution = {});
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -13,6 +13,8 @@
 // curves first, so close that the edge between neighbours is in the dual, and no disk reaches across a curve.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
@@ -128,13 +130,13 @@ struct RemeshResult {
 /// holds, or components, Euler characteristic, boundary loops and edges of many facets are as many as before, all edges of
 /// curves are kept, and no triangles cross where none did. Where disks are balls, which join what is near, only an empty result
 /// counts.
-std::string lost_shape(const RemeshReport& report);
+AMPS_EXPORT std::string lost_shape(const RemeshReport& report);
 
 /// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and
 /// optimize(), and kInvalidArgument unless max_error is finite and not negative; cost about twice that of sample(), with the
 /// default bounds. Cancelled, it has the best samples so far, a vertex each, and triangles only if the report was all that was
 /// left to do; of a maximal set restricted_triangulation() makes them.
-RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
+AMPS_EXPORT RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 
 /// The RRT of a given set: a triangle (i, j, k) for each triple of cells that meet an odd number of times inside facets; where
 /// they meet twice, as on both sides of a sharp crease or of a thin plate, the two triangles cancel. So where every edge of the
@@ -142,7 +144,9 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 /// the result has evenly many triangles, for any set: the dual of a closed surface has no boundary. Oriented as the surface
 /// under it, then made consistent across manifold edges by majority per component, so inputs with flipped facets come out right
 /// wherever the output is orientable. Cancelled, it throws Error(kCancelled). `curves`: as verify_maximal().
-Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                              Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
+AMPS_EXPORT Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
+                                          Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

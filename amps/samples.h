@@ -3,6 +3,8 @@
 // these, always by the same operations, so whoever does that again gets the same bits.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -75,7 +77,7 @@ inline SurfacePoint surface_point_at(const MeshView& mesh, Index facet, const Ve
 /// Unit normal of a facet with area, at any scale whose squares a double holds.
 inline Vec3 normal_of(const MeshView& mesh, Index facet) {
   const Vec3 a = mesh.corner(facet, 0);
-  return (mesh.corner(facet, 1) - a).cross(mesh.corner(facet, 2) - a).stableNormalized();
+  return stable_normalized((mesh.corner(facet, 1) - a).cross(mesh.corner(facet, 2) - a));
 }
 
 /// The point of the facet below x, which lies in its plane up to rounding. Not finite where rounding leaves the facet no area.
@@ -136,3 +138,5 @@ class GrowingSet {
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -6,6 +6,7 @@
 #include "amps/darts.h"
 #include "amps/disk_set.h"
 #include "amps/gap_filling.h"
+#include "amps/portable_math.h"
 #include "amps/spatial_sort.h"
 #include "amps/topology_refinement.h"
 #include "amps/wanted_radii.h"
@@ -190,7 +191,7 @@ struct SamplingTask {
 /// "Random sequential adsorption", J. Theor. Biol. 1980), and k rejections in a row are due when it is about ln(n)/k. The
 /// factor is measured.
 double expected_darts(double samples, int max_rejections) {
-  const double per_sample = 0.6 * std::pow(max_rejections / std::log(samples + 2), 2.0 / 3);
+  const double per_sample = 0.6 * portable_power(max_rejections / portable_log(samples + 2), 2.0 / 3);
   return samples * std::max(1.0, per_sample);
 }
 

@@ -67,9 +67,9 @@ class SiteTree {
   struct Node {
     Vec3 centre = Vec3::Zero();
     double half = 0;
-    double max_weight = -INFINITY;  ///< of all that were ever here
-    std::size_t first_child = 0;    ///< of eight; 0: a leaf
-    std::vector<Entry> entries;     ///< of a leaf
+    double max_weight = -kInfinity;  ///< of all that were ever here
+    std::size_t first_child = 0;     ///< of eight; 0: a leaf
+    std::vector<Entry> entries;      ///< of a leaf
   };
   static constexpr std::size_t kLeafSize = 8;
   static constexpr int kMaxDepth = 48;
@@ -114,7 +114,7 @@ class SiteTree {
     const Vec3 off = (x - node.centre).cwiseAbs();
     constexpr double kSlack = 1e-9;  // of rounding, here and where a point was put into a cube
     const Vec3 margin = Vec3::Constant(node.half * (1 + kSlack));
-    const double least = (off - margin).cwiseMax(0.0).norm() * (1 - kSlack), most = (off + margin).norm() * (1 + kSlack);
+    const double least = norm((off - margin).cwiseMax(0.0)) * (1 - kSlack), most = norm(off + margin) * (1 + kSlack);
     if (!wants(least, most, node.max_weight)) return;
     for (const Entry& entry : node.entries) visit(entry.site);
     for (std::size_t k = 0; k < 8 && node.first_child != 0; ++k) visit_node(node.first_child + k, x, wants, visit);

@@ -30,7 +30,8 @@ namespace amps {
 enum class SquareBorder {
   /// The square is seen through the window (1 − cos 2πx)(1 − cos 2πy) (Hann): sets that go on beyond it, or end at it, as those
   /// of sample() on a square do. At whole frequencies the window of the mean density is exactly 0 but for the nine where |u|
-  /// and |v| are at most 1, which count in no ring. Peaks are three frequencies wide, and neighbours are not independent of each other.
+  /// and |v| are at most 1, which count in no ring. Peaks are three frequencies wide, and neighbours are not independent of
+  /// each other.
   kWindow,
   /// The set goes on as itself on all sides, as sets made on a torus do.
   kPeriodic,
@@ -81,13 +82,13 @@ struct SpectrumReport {
 /// outside the square; options out of range), kCancelled. O(n·max_frequency²) a set, shared by the threads: by default O(n²), a
 /// quarter of a second for 4,000 points. Memory: 32·max_frequency² bytes. Thread-safe. The result does not depend on the
 /// threads: phases are off by at most 1e-15·max_frequency, and each sum is taken in the order of the points.
-SpectrumReport spectrum(const std::vector<PointsView>& sets, const SpectrumOptions& options = {});
+AMPS_EXPORT SpectrumReport spectrum(const std::vector<PointsView>& sets, const SpectrumOptions& options = {});
 
 /// Views of the positions of sets that outlive them.
-std::vector<PointsView> positions_of(const std::vector<SampleSet>& sets);
+AMPS_EXPORT std::vector<PointsView> positions_of(const std::vector<SampleSet>& sets);
 
 /// ring, frequency over √n, radial mean, anisotropy in dB, number of frequencies: one line a ring, after a line of names.
-void write_spectrum(std::ostream& out, const SpectrumReport& report);
+AMPS_EXPORT void write_spectrum(std::ostream& out, const SpectrumReport& report);
 
 struct DifferentialOptions {
   double range = 5;        ///< greatest difference looked at, in radii; > 0
@@ -137,12 +138,12 @@ struct DifferentialReport {
 /// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument (no set; see require_sample_set; options out of range),
 /// kCancelled. O(#F + references·n·range²) expected for Poisson-disk sets; sets whose points are far nearer than their radii
 /// take O(n²·references). Shared by the threads, on which the result does not depend. Thread-safe.
-DifferentialReport differential_spectrum(const MeshView& mesh, const std::vector<SampleSet>& sets,
-                                         const DifferentialOptions& options = {});
-DifferentialReport differential_spectrum(const MeshView& mesh, const SampleSet& samples,
-                                         const DifferentialOptions& options = {});
+AMPS_EXPORT DifferentialReport differential_spectrum(const MeshView& mesh, const std::vector<SampleSet>& sets,
+                                                     const DifferentialOptions& options = {});
+AMPS_EXPORT DifferentialReport differential_spectrum(const MeshView& mesh, const SampleSet& samples,
+                                                     const DifferentialOptions& options = {});
 
 /// distance, pair correlation, anisotropy in dB, pairs: one line a bin, after a line of names.
-void write_spectrum(std::ostream& out, const DifferentialReport& report);
+AMPS_EXPORT void write_spectrum(std::ostream& out, const DifferentialReport& report);
 
 }  // namespace amps

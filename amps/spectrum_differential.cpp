@@ -90,7 +90,7 @@ double geodesic_factor(double s, double t) {
 /// Counts differences from points with a frame on their tangent plane.
 class DifferenceCounter {
  public:
-  DifferenceCounter(const DifferentialOptions& options) : options_(options), axis_(options.axis.stableNormalized()) {
+  DifferenceCounter(const DifferentialOptions& options) : options_(options), axis_(detail::stable_normalized(options.axis)) {
     for (Index k = 0; k < options.sectors; ++k) {
       const detail::Phase phase = detail::portable_phase(0.5 * k / options.sectors);
       starts_.emplace_back(phase.cosine, phase.sine);
@@ -101,14 +101,14 @@ class DifferenceCounter {
   void count(const DifferencePoints& from, std::size_t i, const DifferencePoints& to, std::size_t j, double weight,
              DifferenceCounts& counts) const {
     const Vec3 &n = from.normals[i], &other = to.normals[j];
-    if (!(n.dot(other) > 0)) return;
+    if (!(detail::dot(n, other) > 0)) return;
     const Vec3 d = to.positions[j] - from.positions[i];
-    const double chord = d.norm();
+    const double chord = detail::norm(d);
     const double scale = options_.range * (0.5 * from.radii[i] + 0.5 * to.radii[j]);
     double part = 0;  // of the range
     if (chord > 0) {
       const Vec3 e = d / chord;
-      const double s = std::clamp(n.dot(e), -1.0, 1.0), t = std::clamp(other.dot(e), -1.0, 1.0);
+      const double s = std::clamp(detail::dot(n, e), -1.0, 1.0), t = std::clamp(detail::dot(other, e), -1.0, 1.0);
       part = chord * geodesic_factor(s, t) / scale;
     }
     if (!(part < 1)) return;
@@ -116,7 +116,7 @@ class DifferenceCounter {
     const std::size_t bin = std::min(static_cast<std::size_t>(part * options_.bins), counts.radial.size() - 1);
     counts.radial[bin] += weight;
     const Vec3 along = tangent(n), across = n.cross(along);
-    double x = along.dot(d), y = across.dot(d);
+    double x = detail::dot(along, d), y = detail::dot(across, d);
     const double length = std::sqrt(x * x + y * y);
     if (!(length > 0)) return;
     x /= length;
@@ -128,12 +128,12 @@ class DifferenceCounter {
 
  private:
   Vec3 tangent(const Vec3& n) const {
-    Vec3 along = axis_ - n * n.dot(axis_);
-    if (along.squaredNorm() < kAlongNormal) {
+    Vec3 along = axis_ - n * detail::dot(n, axis_);
+    if (detail::squared_norm(along) < kAlongNormal) {
       const Vec3 other = std::abs(axis_.x()) < 0.5 ? Vec3::UnitX() : Vec3::UnitY();
-      along = other - n * n.dot(other);
+      along = other - n * detail::dot(n, other);
     }
-    return along.normalized();
+    return detail::normalized(along);
   }
   /// Of the line through 0 and (x, y).
   std::size_t sector(double x, double y) const {

@@ -55,15 +55,20 @@ struct DistancePiece {
 /// circumcentre; in an obtuse one the bisectors of the two short sides meet the longest side before they meet each other, and
 /// it is there. Never less than the truth by more than rounding.
 double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
-  std::array<double, 3> squares = {(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()};
+  std::array<double, 3> squares = {detail::squared_norm(b - a), detail::squared_norm(c - b), detail::squared_norm(a - c)};
   std::sort(squares.begin(), squares.end());
   const double p = squares[0], q = squares[1], longest = squares[2];
   const double obtuse = longest - p - q;
   if (obtuse < 0) return std::sqrt(p * q / (4 * p * q - obtuse * obtuse) * longest);
   // The side of square p, at an angle of cosine k to the longest, has its bisector meet that at √p / 2k, and 2k √p √longest =
-  // p + longest − q; likewise q. Neither is beyond the middle, which also stands in for 0/0 where p is 0.
+  // p + longest − q; likewise q. Neither is beyond the middle, which also stands in where rounding leaves nothing to divide by.
   const double length = std::sqrt(longest);
-  const double from_p = p * length / (p + longest - q), from_q = q * length / (q + longest - p);
+  const auto meets_at = [&](double side, double other) {
+    const double projected = side + longest - other;
+    if (side == 0) return 0.0;
+    return projected > 0 ? side * length / projected : std::numeric_limits<double>::infinity();
+  };
+  const double from_p = meets_at(p, q), from_q = meets_at(q, p);
   return std::min(length / 2, from_p > from_q ? from_p : from_q);
 }
 
@@ -75,7 +80,7 @@ struct LongestSide {
   explicit LongestSide(const std::array<Vec3, 3>& x) {
     constexpr double kLonger = 1 + 1e-9;
     for (std::size_t i = 0; i < 3; ++i) {
-      const double l = (x[(i + 1) % 3] - x[i]).norm();
+      const double l = detail::norm(x[(i + 1) % 3] - x[i]);
       if (l > kLonger * length) {
         length = l;
         k = i;
@@ -203,7 +208,7 @@ class OneSidedMeasure {
         const auto f = static_cast<Index>(i);
         if (std::binary_search(repeated.begin(), repeated.end(), f)) continue;  // its points are those of another facet
         const std::array<Vec3, 3> x = corners_of(from_, f);
-        integrate(f, facet_corners(f), 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm(), sums[begin / kGrain]);
+        integrate(f, facet_corners(f), 0.5 * detail::norm((x[1] - x[0]).cross(x[2] - x[0])), sums[begin / kGrain]);
       }
       tell_cells(sums[begin / kGrain]);
     });
@@ -419,10 +424,10 @@ class OneSidedMeasure {
   static bool across_sides(const std::array<Vec3, 3>& x, const LongestSide& longest, std::array<double, 3>& side) {
     constexpr double kNeedle = 8, kNearMiddle = 0.1;
     const Vec3 along = x[(longest.k + 1) % 3] - x[longest.k], other = x[(longest.k + 2) % 3] - x[longest.k];
-    const double square = along.squaredNorm();
-    if (!(square > kNeedle * along.cross(other).norm())) return false;
+    const double square = detail::squared_norm(along);
+    if (!(square > kNeedle * detail::norm(along.cross(other)))) return false;
     const Vec3 middle = x[longest.k] + along / 2;
-    for (std::size_t k = 0; k < 3; ++k) side[k] = along.dot(x[k] - middle);
+    for (std::size_t k = 0; k < 3; ++k) side[k] = detail::dot(along, x[k] - middle);
     return std::fabs(side[(longest.k + 2) % 3]) > kNearMiddle * square;
   }
 
@@ -435,9 +440,9 @@ class OneSidedMeasure {
     Vec3 inward = Vec3::Zero(), on_border = Vec3::Zero();
     for (std::size_t e = 0; e < 3; ++e) {
       const Vec3 direction = normal.cross(t[(e + 1) % 3] - t[e]);
-      const double length = direction.norm();
+      const double length = detail::norm(direction);
       if (!(length > 0)) return false;
-      const double distance = direction.dot(x[static_cast<std::size_t>(piece.worst)] - t[e]) / length;
+      const double distance = detail::dot(direction, x[static_cast<std::size_t>(piece.worst)] - t[e]) / length;
       if (distance < farthest) {
         farthest = distance;
         inward = direction / length;
@@ -447,7 +452,7 @@ class OneSidedMeasure {
     if (!(farthest < 0)) return false;
     double min_side = 0, max_side = 0;
     for (std::size_t k = 0; k < 3; ++k) {
-      side[k] = inward.dot(x[k] - on_border);
+      side[k] = detail::dot(inward, x[k] - on_border);
       min_side = std::min(min_side, side[k]);
       max_side = std::max(max_side, side[k]);
     }
@@ -472,7 +477,7 @@ class OneSidedMeasure {
     const DistancePoint &l = piece.corners[left], &r = piece.corners[right];
     cut.add(piece, {piece.corners[alone], on_left, on_right});
     const Vec3 at_left = position(piece.facet, on_left.barycentric), at_right = position(piece.facet, on_right.barycentric);
-    if ((at_left - x[right]).squaredNorm() < (at_right - x[left]).squaredNorm()) {  // the shorter diagonal
+    if (detail::squared_norm(at_left - x[right]) < detail::squared_norm(at_right - x[left])) {  // the shorter diagonal
       cut.add(piece, {on_left, l, r});
       cut.add(piece, {on_left, r, on_right});
     } else {

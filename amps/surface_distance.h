@@ -14,6 +14,8 @@
 // subdivision down to the tolerance.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -70,12 +72,12 @@ struct DistanceReport {
 /// all, and facets without area are curves or points, which count in the Hausdorff distance only. Bounds hold to rounding,
 /// 1e-14 of the greatest coordinate. Throws Error(kInvalidMesh) for a mesh that is not usable (require_usable),
 /// Error(kInvalidArgument) for options out of range; kCancelled. O(n log n) expected for n facets and points. Thread-safe.
-DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options = {});
+AMPS_EXPORT DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options = {});
 
 /// One direction alone: distances of the points of `from` to `to`; tolerance and spacing relative to the diagonal of `from`.
-OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options = {});
+AMPS_EXPORT OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options = {});
 
-std::ostream& operator<<(std::ostream& out, const DistanceReport& report);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const DistanceReport& report);
 
 namespace detail {
 
@@ -96,3 +98,5 @@ std::vector<FarPoint> far_points(const MeshView& from, const MeshView& to, const
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

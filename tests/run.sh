@@ -20,7 +20,7 @@ for argument in "$@"; do
   esac
 done
 
-sh "$here/prepare.sh" libeigen3-dev libnanoflann-dev doctest-dev libcgal-dev
+sh "$here/prepare.sh" libeigen3-dev libnanoflann-dev doctest-dev libcgal-dev clang libc++-dev libc++abi-dev
 
 set -- -DAMPS_BUILD_TESTS=ON -DAMPS_BUILD_EXAMPLES=ON -DAMPS_INSTALL=ON
 if command -v ccache >/dev/null 2>&1; then
