@@ -495,6 +495,7 @@ class CurveSampler {
   struct Corner {
     SurfacePoint at;
     double radius = 0, wanted = 0;
+    bool tip = false;
     std::vector<Index> curves;
   };
   /// A sample by its place in the states: of curve `curve` number `number`, or of corner `number`.
@@ -616,7 +617,8 @@ void CurveSampler::prepare_corners() {
                                                    " is marked as a corner, but no facet has it; mark vertices of facets");
     }
     corner.at = corner_point(mesh_, flood_.edges(), at.homes.front(), vertex);
-    corner.wanted = corner.radius = wanted_at(corner.at);
+    corner.tip = options_.tips != nullptr && std::binary_search(options_.tips->begin(), options_.tips->end(), vertex);
+    corner.wanted = corner.radius = corner.tip ? wanted_.at(corner.at) : wanted_at(corner.at);
     for (const Index c : corner.curves) {
       corner.radius = std::min(corner.radius, curve(c).length() / states_[slot(c)].least_pieces);
     }
@@ -808,6 +810,7 @@ CurveSample CurveSampler::sample_at(const Place& place) const {
     result.sample = {corner.at, corner.radius};
     result.corner = place.number;
     result.vertex = graph_.corners[slot(place.number)];
+    result.tip = corner.tip;
     return result;
   }
   const CurveStop& stop = states_[slot(place.curve)].samples[slot(place.number)];

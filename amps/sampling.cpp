@@ -364,6 +364,7 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
     CurveSamplingOptions along;
     along.seed = round.seed;
     if (!limits.empty()) along.limits = &limits;
+    along.tips = &surface.tips;
     // What refinement asks for counts in the set as a whole.
     along.max_samples = options.max_samples;
     if (options.target_count > 0 && limits.empty()) {

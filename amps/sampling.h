@@ -117,6 +117,7 @@ struct SamplingSurface {
   std::shared_ptr<const TopologyChecker> topology;  ///< null: nobody asks
   std::vector<RadiusCap> limits;                    ///< bounds of radii to begin with, for other reasons
   std::vector<FaceSample> kept;  ///< samples to begin with, where they are small enough; none: darts are thrown
+  std::vector<Index> tips;       ///< sharp corners whose radii stay, by vertex of the surface, ascending
   bool preserve = false;         ///< radii fall where the dual has not the topology of the surface
   bool may_change = false;  ///< where that does not help, there will be other curves: the number of samples does not matter yet
 };
