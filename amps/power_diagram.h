@@ -210,7 +210,7 @@ class RestrictedPowerDiagram {
   void link(Index f);
   void add_fragment(Index facet, Index site, const Clipper& clipper);
   void store_polygon(Fragment& fragment, const Clipper& clipper);
-  void bound(Fragment& fragment);
+  static void bound(Fragment& fragment, const Vec3* corner);
   void free_fragment(Index f);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
   std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper);
