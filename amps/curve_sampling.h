@@ -73,7 +73,8 @@ struct CurveSamplingOptions {
   std::uint64_t seed = 1;
   /// Radii wanted to stay below this field as well as the wanted one; null: no such field.
   const CapField* limits = nullptr;
-  /// More samples than about these are refused, before they take memory: some 500 bytes each on the way.
+  /// More samples than about these are refused, before they take memory: some 500 bytes each on the way. What is far more is so
+  /// before any is made, from the radii at a few places of each curve.
   double max_samples = 1e6;
   Execution execution;
 };
