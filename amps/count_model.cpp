@@ -118,7 +118,7 @@ MeasuredLengths measure_lengths(const MeshView& mesh, const SizingField& field, 
 
 }  // namespace
 
-ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, const Execution& execution) {
+ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, double most_samples, const Execution& execution) {
   double longest = 0, perimeters = 0;
   const bool constant = radii.constant();
   Ticker ticker(execution, slot(mesh.num_facets()), kElementsPerLook);
@@ -132,8 +132,19 @@ ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, const 
     perimeters += constant ? ab + bc + ca : (ab + bc + ca) * per_radius;
   }
   if (constant) perimeters /= radii.min();
-  const double by_area = kSamplesPerDensity * radii.density_integral(total_area(mesh));
-  return {std::max(by_area, longest / (2 * radii.max())), kCrossingsPerPerimeter * perimeters};
+  const double max = radii.max();
+  ForeseenSize size{kSamplesPerDensity * radii.density_integral(total_area(mesh)), longest / (2 * max),
+                    kCrossingsPerPerimeter * perimeters};
+  // The extent of a component is at most half of the perimeters of its facets.
+  if (kSamplesPerLength * perimeters / 2 < most_samples) return size;
+  MeasuredLengths lengths;
+  const std::vector<char> all(slot(mesh.num_facets()), 1);
+  measure_components(merge_equal_vertices(mesh), all, lengths, {});
+  const Box box = bounding_box(mesh);
+  double room = 1;  // no two samples in a voxel of diagonal r
+  for (int axis = 0; axis < 3; ++axis) room *= 1 + std::sqrt(3.0) * (box.max[axis] - box.min[axis]) / max;
+  size.by_length = std::max(size.by_length, std::min(room, kSamplesPerLength * lengths.components / max));
+  return size;
 }
 
 CountModel::CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution)

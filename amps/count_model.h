@@ -11,15 +11,18 @@ namespace amps::detail {
 
 /// What radii make of a surface, worked out facet by facet before anything is made.
 struct ForeseenSize {
-  double samples;    ///< κ∫dA/r², or what the longest edge alone needs, if that is more
+  double by_area;    ///< κ∫dA/r²
+  double by_length;  ///< samples that the length of edges and components asks for, whatever the area beside it
   double crossings;  ///< places where cells' edges cross the mesh's, roughly: the fragments beyond one a facet and one a sample
+  double samples() const { return by_area > by_length ? by_area : by_length; }
 };
 
-/// A ball of radius r holds at most 2r of an edge: so the longest edge takes so many samples, whatever the area beside it. A
+/// A ball of radius r holds at most 2r of an edge: so many samples the longest edge takes. Where edges are so long that needles
+/// could need `most_samples`, lengths of components are added up, at 0.75 samples per r, up to what the box has room for. A
 /// convex facet of perimeter P meets about 1 + κA/r² + 0.5·P/r cells of a maximal set: Euler's formula and Buffon's needle, as
 /// expected_fragments(), which is of equilateral facets; of needles the last term is nearly all. In a field r is the mean of
-/// 1/r at a facet's corners. O(#F); caps do not count.
-ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, const Execution& execution = {});
+/// 1/r at a facet's corners; for lengths the greatest. O(#V + #F) expected; caps do not count.
+ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, double most_samples, const Execution& execution = {});
 
 /// How many samples a scale s of the radii makes: factor·(κ∫dA/r²/s² + (β∫ds/r − κγ∫|∇r|dA/r²)/s), the second integral along
 /// the boundary, the third over the surface again. What else matters, above all creases and features finer than the radii, the

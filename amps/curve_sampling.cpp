@@ -621,10 +621,11 @@ void CurveSampler::foresee() {
   if (least_share >= wanted / 16) {
     refuse(samples, "so long are they beside the wanted radius; choose a greater radius, or ask for more vertices");
   }
-  refuse(samples, "since they come closer to each other than " + number_text(least_share / wanted * 1.01) +
-                      " of the wanted radius, most so near " + where +
-                      ": needles or thin plates, of which a smaller mesh cannot keep both sides. Take these facets out or make "
-                      "them wider, or let disks be balls (Neighborhood::kSpace), which keeps no curves");
+  refuse(samples,
+         "since they come closer to each other than " + number_text(least_share / wanted * 1.01) +
+             " of the wanted radius, most so near " + where +
+             ": needles or thin plates, too narrow to keep both sides of them. Take these facets out of the mesh, or make "
+             "the parts wider: a few thousandths of the radius do");
 }
 
 /// How many pieces each curve needs, so that no two edges of curves have the same ends.

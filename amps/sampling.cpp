@@ -110,19 +110,18 @@ void require_feasible_radii(const MeshView& mesh, const WantedRadii& radii, cons
   }
   const bool uniform = min == max;
   const std::string what = text_of_radii(min, max);
-  const ForeseenSize size = foresee_size(mesh, radii);
+  const ForeseenSize size = foresee_size(mesh, radii, options.max_samples);
   const auto use = [&](double factor) {
     constexpr double kMargin = 1.01;
     return std::string("; use ") + (uniform ? "a radius of at least " + number_text(min * factor * kMargin)
                                             : "a sizing field scaled by at least " + number_text(factor * kMargin));
   };
-  const double by_area = kSamplesPerDensity * radii.density_integral(total_area(mesh));
-  if (!(size.samples < options.max_samples)) {
-    const double over = size.samples / options.max_samples;
+  if (!(size.samples() < options.max_samples)) {
+    const double over = size.samples() / options.max_samples;
     throw Error(ErrorCode::kTooLarge, "sampling: " + what + (uniform ? " needs about " : " need about ") +
-                                          number_text(size.samples) + " samples, more than max_samples, " +
+                                          number_text(size.samples()) + " samples, more than max_samples, " +
                                           std::to_string(options.max_samples) +
-                                          use(size.samples > by_area ? over : std::sqrt(over)));
+                                          use(size.by_length > size.by_area ? over : std::sqrt(over)));
   }
   const double most = kMostCrossings * (static_cast<double>(options.max_samples) + mesh.num_facets());
   if (!(size.crossings < most)) {

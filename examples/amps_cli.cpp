@@ -709,10 +709,6 @@ void print_help(const Command& command) {
 
 /// Advice for those who call the library, in terms of options.
 std::string in_options(const Arguments& arguments, std::string message) {
-  const std::string balls = "Neighborhood::kSpace";
-  if (const std::size_t name = message.find(balls); name != std::string::npos) {
-    message.replace(name, balls.size(), "--neighborhood space");
-  }
   const std::string limit = "more than max_samples, ";
   const std::size_t at = message.find(limit), advice = message.find("; use ");
   if (at == std::string::npos || advice == std::string::npos || advice < at) return message;

@@ -70,14 +70,14 @@ TEST_CASE("count model: fragments of usual meshes and of needles are foreseen") 
     CAPTURE(k);
     const Shape& shape = shapes[k];
     const amps::detail::ForeseenSize size =
-        amps::detail::foresee_size(shape.mesh, amps::detail::WantedRadii(shape.radius, ConflictRule::kMax));
+        amps::detail::foresee_size(shape.mesh, amps::detail::WantedRadii(shape.radius, ConflictRule::kMax), 1e6);
     const Counted is = counted(shape.mesh, amps::sample(shape.mesh, with_radius(shape.radius)).samples);
-    CAPTURE(size.samples);
+    CAPTURE(size.samples());
     CAPTURE(is.samples);
     CAPTURE(is.fragments);
-    const double fragments = rows(shape.mesh.triangles) + size.samples + size.crossings;
+    const double fragments = rows(shape.mesh.triangles) + size.samples() + size.crossings;
     CAPTURE(fragments);
-    CHECK(size.samples < 1.15 * is.samples);  // a lower bound, or by area
+    CHECK(size.samples() < 1.15 * is.samples);  // a lower bound, or by area
     CHECK(fragments > 0.6 * is.fragments);
     CHECK(fragments < 1.6 * is.fragments);
   }
@@ -87,7 +87,7 @@ TEST_CASE("count model: with a field fragments are foreseen, too") {
   const Mesh mesh = prism(100, 200, 1);
   const SizingField field = amps::vertex_sizing(mesh, graded_radii(mesh, 4, 2));
   const amps::detail::ForeseenSize size =
-      amps::detail::foresee_size(mesh, amps::detail::WantedRadii(field, ConflictRule::kMax));
+      amps::detail::foresee_size(mesh, amps::detail::WantedRadii(field, ConflictRule::kMax), 1e6);
   const Counted is = counted(mesh, amps::sample(mesh, with_sizing(field)).samples);
   CAPTURE(size.crossings);
   CAPTURE(is.fragments);
@@ -121,22 +121,39 @@ TEST_CASE("count model: with a field, needles get the wanted number") {
 }
 
 TEST_CASE("sampling: needles cut into more pieces than there is memory for are refused, with a radius that helps") {
-  const Mesh mesh = needles(40, 1e-12);
-  SamplingOptions options = with_radius(1e-5);
-  options.max_samples = 200000;  // one needle alone needs 50,000
-  const std::string text = error_text([&] { amps::sample(mesh, options); });
+  // A sample of a prism takes hundreds of pieces: it is these that are too many.
+  const Mesh pieces = prism(400, 400, 1);
+  SamplingOptions options = with_radius(0.5);
+  options.max_samples = 20000;
+  const std::string text = error_text([&] { amps::sample(pieces, options); });
   CAPTURE(text);
   CHECK(text.find("pieces, more than max_samples") != std::string::npos);
-  const std::size_t at = text.find("a radius of at least ");
-  REQUIRE(at != std::string::npos);
-  options.radius = std::stod(text.substr(at + 21));
-  CHECK(options.radius > 1e-5);
-  CHECK(amps::sample(mesh, options).samples.size() > 50000);
+  const std::string radius_text = "a radius of at least ";
+  const auto advised = [&](const std::string& error) {
+    const std::size_t at = error.find(radius_text);
+    REQUIRE(at != std::string::npos);
+    return std::stod(error.substr(at + radius_text.size()));
+  };
+  options.radius = advised(text);
+  CHECK(options.radius > 0.5);
+  CHECK(amps::sample(pieces, options).samples.size() > 60);
 
-  options.radius = 1e-6;  // the longest edge needs 500,000
-  const std::string longer = error_text([&] { amps::sample(mesh, options); });
+  // Needles apart: each takes samples along its length.
+  const Mesh apart = needles(40, 1e-12);
+  options.radius = 1e-4;  // 40 · 0.748 / 1e-4 = 299,200
+  const std::string longer = error_text([&] { amps::sample(apart, options); });
   CAPTURE(longer);
-  CHECK(longer.find("500000 samples, more than max_samples, 200000; use a radius of at least 2.5") != std::string::npos);
+  CHECK(longer.find("299200 samples, more than max_samples, 20000") != std::string::npos);
+  options.radius = advised(longer);
+  const Index n = amps::sample(apart, options).samples.size();
+  CHECK(n > 19000);
+  CHECK(n < 20500);
+  // On one place they take the samples of one.
+  const Mesh together = needles(40, 1e-12, 1e-14);
+  options.radius = 1e-3;
+  CHECK(amps::sample(together, options).samples.size() < 1000);
+  options.radius = 1e-5;
+  CHECK(error_of([&] { amps::sample(together, options); }) == ErrorCode::kTooLarge);
 }
 
 TEST_CASE("remesh: needles whose sides no curves can keep apart are refused at once, and told where") {
