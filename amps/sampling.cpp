@@ -392,7 +392,7 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
       double wanted = options.target_count;
       if (options.target_count == 0) {
         wanted = kSamplesPerDensity * density;
-        for (const Curve& curve : surface.curves->curves) wanted += curve.length() / round.radii.max();
+        for (const Curve& curve : surface.curves->curves) wanted += 1 + curve.length() / round.radii.max();
       }
       along.max_samples = std::min<double>(along.max_samples, std::max(kCurveSamples, kCurveSamplesPerTarget * wanted));
     }
