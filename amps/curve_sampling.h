@@ -76,7 +76,8 @@ struct CurveSamplingOptions {
   const CapField* limits = nullptr;
   /// Corners whose radii they do not bound, by vertex of the surface, ascending; null: none.
   const std::vector<Index>* tips = nullptr;
-  /// More samples than about these are refused, before they take memory: some 500 bytes each on the way.
+  /// More samples than about these are refused, before they take memory: some 500 bytes each on the way. What is far more is so
+  /// before any is made, from the radii at a few places of each curve.
   double max_samples = 1e6;
   Execution execution;
 };
