@@ -4,6 +4,7 @@
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
+#include "amps/mesh_scale.h"
 
 #include <array>
 #include <iosfwd>
@@ -28,5 +29,12 @@ struct QualityReport {
 /// Throws Error(kCancelled) if stopped through `execution`, whose threads are not used. O(#V + #F).
 QualityReport quality(const MeshView& mesh, const Execution& execution = {});
 std::ostream& operator<<(std::ostream& out, const QualityReport& report);
+
+namespace detail {
+
+/// From units of `scale`.
+void scale_back(QualityReport& report, const MeshScale& scale);
+
+}  // namespace detail
 
 }  // namespace amps

@@ -824,11 +824,45 @@ class RemeshRuns {
   double scale_ = 1, count_before_ = 0;  ///< of the sizing, and of the result, by the last run that kept nothing
 };
 
+/// remesh() of the mesh in units of `scale`.
+RemeshResult remesh_at(const MeshScale& scale, const MeshView& mesh, const RemeshOptions& options) {
+  RemeshOptions scaled = options;
+  scaled.sampling = scaled_options(options.sampling, scale);
+  scaled.curves = scaled_options(options.curves, scale);
+  scaled.max_error = scale.length(options.max_error);
+  scaled.optimization = scaled_options(options.optimization, scale);
+  RemeshResult result = scale.in_our_units([&] { return remesh(scale.mesh(mesh), scaled); });
+  scale.back(result.mesh.vertices);
+  scale_back(result.samples, scale);
+  if (result.graph != nullptr) {
+    auto graph = std::make_shared<CurveGraph>(*result.graph);
+    scale_back(*graph, scale);
+    result.graph = std::move(graph);
+  }
+  RemeshReport& report = result.report;
+  scale_back(report.sampling, scale);
+  for (QualityReport* quality : {&report.quality, &report.curves.beside, &report.curves.away}) scale_back(*quality, scale);
+  for (double* length : {&report.curves.length, &report.curves.deviation, &report.fit.rms_before, &report.fit.rms_after,
+                         &report.fit.max_before, &report.fit.max_after, &report.hausdorff_bound, &report.hausdorff_lower}) {
+    scale.back(*length);
+  }
+  report.maximality.gap_area = scale.area_back(report.maximality.gap_area);
+  return result;
+}
+
 }  // namespace
 }  // namespace detail
 
 Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution,
                               Neighborhood neighborhood, const CurveGraph* curves) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    Mesh result = scale.in_our_units([&] {
+      return restricted_triangulation(scale.mesh(mesh), detail::scaled_samples(samples, scale), execution, neighborhood,
+                                      curves);
+    });
+    result.vertices = samples.positions;
+    return result;
+  }
   const Execution run = execution.start();
   const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9), curves);
   const detail::SurfaceEdges edges(mesh, run.part(0.9, 0.93));
@@ -867,6 +901,7 @@ std::string lost_shape(const RemeshReport& report) {
 }
 
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::remesh_at(scale, mesh, options);
   SamplingOptions sampling = options.sampling;
   if (options.optimize) detail::require_optimize_options(options.optimization);
   if (sampling.neighborhood == Neighborhood::kDefault) {

@@ -6,6 +6,7 @@
 #include "amps/darts.h"
 #include "amps/disk_set.h"
 #include "amps/gap_filling.h"
+#include "amps/sizing_lattice.h"
 #include "amps/spatial_sort.h"
 #include "amps/topology_refinement.h"
 #include "amps/wanted_radii.h"
@@ -667,7 +668,35 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
 
 }  // namespace detail
 
+namespace detail {
+
+SamplingOptions scaled_options(const SamplingOptions& options, const MeshScale& scale) {
+  SamplingOptions result = options;
+  result.radius = scale.length(options.radius);
+  result.sizing = SizingFieldAccess::scaled(options.sizing, scale);
+  return result;
+}
+
+void scale_back(SamplingReport& report, const MeshScale& scale) {
+  for (double* length : {&report.radius, &report.min_radius, &report.max_radius, &report.mean_radius}) scale.back(*length);
+}
+
+namespace {
+
+/// `call` of the mesh and the options in units of `scale`.
+template <class Call>
+SamplingResult sampled_at(const MeshScale& scale, const MeshView& mesh, const SamplingOptions& options, const Call& call) {
+  SamplingResult result = scale.in_our_units([&] { return call(scale.mesh(mesh), scaled_options(options, scale)); });
+  scale_back(result.samples, scale);
+  scale_back(result.report, scale);
+  return result;
+}
+
+}  // namespace
+}  // namespace detail
+
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, sample);
   if (options.neighborhood != Neighborhood::kSurface) return std::move(detail::sample_with_diagram(mesh, options).result);
   require_usable(mesh);
   constexpr double kFloodsShare = 0.03;
@@ -688,6 +717,7 @@ SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
 }
 
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, throw_darts);
   const Execution execution = options.execution.start("throwing darts");
   require_usable(mesh);
   detail::require_sampling_options(options);
@@ -707,6 +737,11 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
 }
 
 SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    return detail::sampled_at(scale, mesh, options, [&](const MeshView& m, const SamplingOptions& o) {
+      return fill_gaps(m, detail::scaled_samples(existing, scale), o);
+    });
+  }
   const Execution execution = options.execution.start();
   require_usable(mesh);
   detail::require_sampling_options(options);

@@ -100,6 +100,10 @@ namespace detail {
 
 /// How many samples these options make, roughly; 0 where they are not usable. For foreseeing time only. O(#F).
 double expected_samples(const MeshView& mesh, const SamplingOptions& options);
+/// Options in units of `scale`, which is that of the mesh; reports back from there.
+SamplingOptions scaled_options(const SamplingOptions& options, const MeshScale& scale);
+void scale_back(SamplingReport& report, const MeshScale& scale);
+
 /// Microseconds that sample() takes for so many samples, roughly, on `workers` threads.
 double sampling_cost(double samples, double facets, unsigned workers);
 
