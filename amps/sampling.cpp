@@ -87,6 +87,10 @@ void require_sampling_options(const SamplingOptions& options) {
   }
 }
 
+/// Radii below this many resolutions of the coordinates are refused: roundings of positions would be 1 % of them and more, and
+/// gaps with no double in them too many.
+constexpr double kLeastResolutions = 64;
+
 /// Refuses radii before any work that would end in memory exhaustion. `density` is ∫dA/r².
 void require_feasible_radii(double min, double max, double density, const Box& box, const SamplingOptions& options) {
   if (!(min > 0) || !std::isfinite(max)) {
@@ -96,6 +100,12 @@ void require_feasible_radii(double min, double max, double density, const Box& b
   const bool uniform = min == max;
   const std::string what =
       uniform ? "radius " + number_text(min) : "radii from " + number_text(min) + " to " + number_text(max);
+  const double farthest = box.min.cwiseAbs().cwiseMax(box.max.cwiseAbs()).maxCoeff(), resolution = 0x1p-52 * farthest;
+  if (min < kLeastResolutions * resolution) {
+    throw Error(ErrorCode::kInvalidArgument, "sampling: " + what + " at coordinates of up to " + number_text(farthest) +
+                                                 ": doubles are " + number_text(resolution) +
+                                                 " apart there, too much for disks; move the mesh to the origin");
+  }
   const double expected = kSamplesPerDensity * density;
   if (!(expected < options.max_samples)) {
     const double factor = std::sqrt(expected / options.max_samples) * 1.01;

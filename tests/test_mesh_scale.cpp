@@ -319,6 +319,32 @@ TEST_CASE("mesh scale: bits of measures and searches at 2^k are those at 1, scal
   }
 }
 
+TEST_CASE("mesh scale: far from the origin sets are maximal and the topology is kept, or radii are refused") {
+  const double radius = 0.1;
+  for (const Mesh& mesh : {amps::make_torus(), amps::make_cube(3)}) {
+    for (const double far : {1e6, 1e7, 1e8, 1e9, 1e12}) {
+      CAPTURE(far);
+      const Mesh there = moved(mesh, far * radius * Vec3(1, 0.7, -0.3));
+      amps::RemeshOptions options;
+      options.sampling.radius = radius;
+      const amps::RemeshResult result = amps::remesh(there, options);
+      CHECK(result.status == amps::Outcome::kDone);
+      CHECK(result.report.certificate.holds());
+      CHECK(result.report.output.euler_characteristic == result.report.input.euler_characteristic);
+      CHECK(result.report.output.closed());
+      CHECK(result.report.sampling.unfilled_gaps == 0);
+      const amps::MaximalityReport again = amps::verify_maximal(there, result.samples, {}, amps::ConflictRule::kMax,
+                                                                amps::Neighborhood::kSurface, result.graph.get());
+      CHECK(again.maximal());
+      CHECK(again.poisson_disk());
+    }
+    const Mesh too_far = moved(mesh, {1e15 * radius, 0, 0});
+    amps::SamplingOptions options;
+    options.radius = radius;
+    CHECK(error_text([&] { amps::sample(too_far, options); }).find("move the mesh to the origin") != std::string::npos);
+  }
+}
+
 TEST_CASE("mesh scale: errors name the unit of their lengths") {
   const Mesh mesh = at_scale(amps::make_cube(2), 300);
   amps::SamplingOptions options;
