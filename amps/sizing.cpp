@@ -231,7 +231,8 @@ double count_factor(const SizingField& field, double count, const Execution& exe
 
 SizingField uniform_sizing(const MeshView& mesh, double radius, const Execution& execution) {
   if (const detail::MeshScale scale(mesh); !scale.is_one()) {
-    return SizingFieldAccess::back(uniform_sizing(scale.mesh(mesh), scale.length(radius), execution), scale);
+    return SizingFieldAccess::back(
+        scale.in_our_units([&] { return uniform_sizing(scale.mesh(mesh), scale.length(radius), execution); }), scale);
   }
   if (!is_radius(radius)) refuse_sizing("the radius " + number_text(radius) + " is not positive and finite");
   const Execution job = execution.start(kSizingStage);
@@ -246,7 +247,8 @@ SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii, const E
   if (const detail::MeshScale scale(mesh); !scale.is_one()) {
     std::vector<double> scaled;
     for (std::ptrdiff_t v = 0; v < radii.size(); ++v) scaled.push_back(scale.length(radii[v]));
-    return SizingFieldAccess::back(vertex_sizing(scale.mesh(mesh), scaled, execution), scale);
+    return SizingFieldAccess::back(scale.in_our_units([&] { return vertex_sizing(scale.mesh(mesh), scaled, execution); }),
+                                   scale);
   }
   const Execution job = execution.start(kSizingStage);
   auto lattice = make_simple_lattice(mesh, job.part(0, 0.7));
@@ -473,7 +475,8 @@ SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, 
       for (int k = 0; k < 3; ++k) scale.back(at.position[k]);
       return scale.length(radius(at));
     };
-    return SizingFieldAccess::back(function_sizing(scale.mesh(mesh), scaled, options, execution), scale);
+    return SizingFieldAccess::back(
+        scale.in_our_units([&] { return function_sizing(scale.mesh(mesh), scaled, options, execution); }), scale);
   }
   const Execution job = execution.start(kSizingStage);
   require_usable(mesh, job.part(0, 0.1));

@@ -199,7 +199,7 @@ TEST_CASE("mesh: what cannot be worked on is refused, naming the place") {
   mesh = mesh_of({{0, 0, 0}, {1, 2, 3}, {2, 4, 6}}, {{0, 1, 2}});
   CHECK(contains(trouble_with(mesh), "no area"));
   // An area that is no double is one nevertheless.
-  for (const double size : {1e200, 1e-200, 1e308, 1e-310}) {
+  for (const double size : {1e200, 1e-200, 1e307, 1e-310}) {
     CAPTURE(size);
     mesh = scaled(corner_triangle(), size);
     CHECK_NOTHROW(amps::require_usable(mesh));
