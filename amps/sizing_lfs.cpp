@@ -435,7 +435,7 @@ void require_lfs_options(const LfsOptions& options) {
 
 namespace {
 
-void require_finite_point(const Vec3& point, std::ptrdiff_t i) {
+void require_finite_lfs_point(const Vec3& point, std::ptrdiff_t i) {
   if (point.allFinite()) return;
   throw Error(ErrorCode::kInvalidArgument, "lfs: point " + std::to_string(i) + " (0-based) is not finite; remove it");
 }
@@ -445,7 +445,7 @@ void require_finite_point(const Vec3& point, std::ptrdiff_t i) {
 std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options,
                                        const Execution& execution) {
   if (const detail::MeshScale scale(mesh); !scale.is_one()) {
-    for (std::ptrdiff_t i = 0; i < points.rows(); ++i) require_finite_point(points[i], i);
+    for (std::ptrdiff_t i = 0; i < points.rows(); ++i) require_finite_lfs_point(points[i], i);
     std::vector<double> result = local_feature_size(scale.mesh(mesh), scale.points(points), options, execution);
     scale.back(result);
     return result;
@@ -454,7 +454,7 @@ std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& p
   require_usable(mesh, job.part(0, 0.02));
   require_lfs_options(options);
   for (std::ptrdiff_t i = 0; i < points.rows(); ++i) {
-    require_finite_point(points[i], i);
+    require_finite_lfs_point(points[i], i);
   }
   const MedialAxis axis(mesh, options, job.part(0.02, kAxisEnd));
   std::vector<double> result(static_cast<std::size_t>(points.rows()));
