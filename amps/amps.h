@@ -33,6 +33,7 @@
 //   predicates.h     orientation, power test, sides of bisectors, coverage: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
 //   mesh_edges.h     (internal) facets at edges, fans of corners, disjoint sets, points by position
+//   mesh_scale.h     (internal) powers of two, so that coordinates of any magnitude behave as those at 1
 //   shapes.h         sphere, torus, square, knot, cube
 //   kdtree.h         nearest points (nanoflann, kept inside the .cpp)
 //   surface_tree.h   SurfaceTree: the nearest point of a surface

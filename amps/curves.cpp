@@ -3,6 +3,7 @@
 
 #include "amps/mesh_edges.h"
 #include "amps/portable_math.h"
+#include "amps/sizing_lattice.h"
 
 #include <algorithm>
 #include <cmath>
@@ -502,6 +503,17 @@ void require_curve_options(const MeshView& mesh, const CurveOptions& options) {
 
 }  // namespace
 
+CurveOptions scaled_options(const CurveOptions& options, const MeshScale& scale) {
+  CurveOptions result = options;
+  result.radius = scale.length(options.radius);
+  result.sizing = SizingFieldAccess::scaled(options.sizing, scale);
+  return result;
+}
+
+void scale_back(CurveGraph& graph, const MeshScale& scale) {
+  for (Curve& curve : graph.curves) scale.back(curve.arc);
+}
+
 CurveGraph find_curves(const MeshView& mesh, const SurfaceEdges& edges, const CurveOptions& options) {
   require_curve_options(mesh, options);
   const Execution run = options.execution.start("finding curves");
@@ -527,6 +539,12 @@ const char* name_of(CurveKind kind) noexcept {
 }
 
 CurveGraph find_curves(const MeshView& mesh, const CurveOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    CurveGraph result =
+        scale.in_our_units([&] { return find_curves(scale.mesh(mesh), detail::scaled_options(options, scale)); });
+    detail::scale_back(result, scale);
+    return result;
+  }
   CurveOptions inner = options;
   const Execution job = options.execution.start("finding curves");
   require_usable(mesh, job.part(0, 0.1));

@@ -77,6 +77,10 @@ AMPS_EXPORT CurveGraph find_curves(const MeshView& mesh, const CurveOptions& opt
 namespace detail {
 class SurfaceEdges;
 
+/// Options in units of `scale`, which is that of the mesh; a graph back from there.
+CurveOptions scaled_options(const CurveOptions& options, const MeshScale& scale);
+void scale_back(CurveGraph& graph, const MeshScale& scale);
+
 /// The same, on edges that are there already. Requires a usable mesh.
 CurveGraph find_curves(const MeshView& mesh, const SurfaceEdges& edges, const CurveOptions& options);
 }  // namespace detail

@@ -216,8 +216,8 @@ FitSample fit_sample_of(const FitPair& pair, const Vec3& normal, double tiny, do
   return sample;
 }
 
-/// The power of two that brings all coordinates below 1: no square overflows or is lost, and results are the same bits at any
-/// such scale.
+/// The power of two that brings all coordinates below 1, at any scale (MeshScale leaves most as they are, and constants of the
+/// fit are for these): no square overflows or is lost, and results are the same bits at any such scale.
 double scale_to_one(const MeshView& input, const MeshView& mesh, const Execution& run) {
   double largest = 0;
   for (const MeshView* const m : {&input, &mesh}) {

@@ -2,6 +2,7 @@
 #include "amps/kdtree.h"
 
 #include "amps/exact.h"
+#include "amps/mesh_scale.h"
 
 #include <nanoflann.hpp>
 
@@ -131,14 +132,17 @@ struct KdNearestOne {
 }  // namespace
 
 struct KdTree::Impl {
+  detail::MeshScale scale;
   detail::KdWatchedPoints points;
   detail::KdIndex index;
 
-  static std::vector<double> coordinates_of(const PointsView& view, const Execution& execution) {
+  /// In units of `scale`.
+  static std::vector<double> coordinates_of(const PointsView& view, const detail::MeshScale& scale,
+                                            const Execution& execution) {
     std::vector<double> result;
     result.reserve(3 * static_cast<std::size_t>(view.rows()));
     detail::for_each_index(view.rows(), execution, [&](std::ptrdiff_t i) {
-      const Vec3 x = view[i];
+      const Vec3 x = scale.point(view[i]);
       result.insert(result.end(), {x[0], x[1], x[2]});
     });
     return result;
@@ -152,7 +156,8 @@ struct KdTree::Impl {
   }
 
   Impl(const PointsView& view, const Execution& execution)
-      : points(coordinates_of(view, execution.part(0, 0.05))),
+      : scale(view),
+        points(coordinates_of(view, scale, execution.part(0, 0.05))),
         index(3, points,
               nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize,
                                                         nanoflann::KDTreeSingleIndexAdaptorFlags::SkipInitialBuildIndex)) {
@@ -160,6 +165,10 @@ struct KdTree::Impl {
     points.ticker = &ticker;
     index.buildIndex();
     points.ticker = nullptr;
+  }
+
+  void scale_back(std::vector<Neighbor>& found) const {
+    for (Neighbor& neighbor : found) neighbor.squared_distance = scale.area_back(neighbor.squared_distance);
   }
 
  private:
@@ -181,7 +190,8 @@ Index KdTree::size() const { return static_cast<Index>(impl_->points.kdtree_get_
 
 KdTree::Neighbor KdTree::nearest(const Vec3& query) const {
   KdNearestOne one;
-  if (size() > 0) impl_->index.findNeighbors(one, query.data(), {});
+  if (size() > 0) impl_->index.findNeighbors(one, impl_->scale.point(query).data(), {});
+  one.best.squared_distance = impl_->scale.area_back(one.best.squared_distance);
   return one.best;
 }
 
@@ -189,16 +199,18 @@ void KdTree::k_nearest(const Vec3& query, Index k, std::vector<Neighbor>& result
   AMPS_ASSERT(k >= 0);
   KdNearestSet set(result, static_cast<std::size_t>(std::min(k, size())));
   if (set.capacity == 0) return;
-  impl_->index.findNeighbors(set, query.data(), {});
+  impl_->index.findNeighbors(set, impl_->scale.point(query).data(), {});
   std::sort_heap(result.begin(), result.end(), kd_before);
+  impl_->scale_back(result);
 }
 
 void KdTree::in_radius(const Vec3& query, double radius, std::vector<Neighbor>& result) const {
   AMPS_ASSERT(radius >= 0);
-  KdRadiusSet set(result, radius);
+  KdRadiusSet set(result, impl_->scale.length(radius));
   if (size() == 0) return;
-  impl_->index.findNeighbors(set, query.data(), {});
+  impl_->index.findNeighbors(set, impl_->scale.point(query).data(), {});
   std::sort(result.begin(), result.end(), kd_before);
+  impl_->scale_back(result);
 }
 
 }  // namespace amps

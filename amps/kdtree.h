@@ -14,8 +14,9 @@
 namespace amps {
 
 /// A static set of points to search. Movable, not copyable. Queries may run concurrently; each costs O(log n) expected plus
-/// O(log k) for each point looked at. All comparisons are of squared distances rounded to double: coordinates beyond 1e±150
-/// overflow or underflow.
+/// O(log k) for each point looked at. All comparisons are of squared distances, rounded to double at the scale of the largest
+/// coordinate: points of any magnitude are told apart as those at 1, but a squared distance that is no double is given as 0 or
+/// infinite.
 class KdTree {
  public:
   struct Neighbor {

@@ -192,6 +192,13 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
 
 MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution, ConflictRule rule,
                                 Neighborhood neighborhood, const CurveGraph* curves) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    MaximalityReport report = scale.in_our_units([&] {
+      return verify_maximal(scale.mesh(mesh), detail::scaled_samples(samples, scale), execution, rule, neighborhood, curves);
+    });
+    report.gap_area = scale.area_back(report.gap_area);
+    return report;
+  }
   const Execution run = execution.start();
   detail::require_neighborhood(neighborhood, rule);
   const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.85), curves);
@@ -202,6 +209,13 @@ MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, 
 
 GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution, Neighborhood neighborhood,
                  const CurveGraph* curves) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    GapSet result = scale.in_our_units(
+        [&] { return find_gaps(scale.mesh(mesh), detail::scaled_samples(samples, scale), execution, neighborhood, curves); });
+    scale.back(result.primitives.vertices);
+    result.area = scale.area_back(result.area);
+    return result;
+  }
   const Execution run = execution.start();
   const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9), curves);
   const RestrictedPowerDiagram& diagram = set.diagram;

@@ -2,6 +2,7 @@
 #include "amps/mesh.h"
 
 #include "amps/mesh_edges.h"
+#include "amps/mesh_scale.h"
 #include "amps/predicates.h"
 
 #include <Eigen/Geometry>
@@ -107,6 +108,13 @@ double facet_area(const MeshView& mesh, Index f) {
   return 0.5 * detail::norm(x.cross) * x.scale * x.scale;
 }
 
+/// The same in units of `scale`.
+double scaled_area(const MeshView& mesh, Index f, const detail::MeshScale& scale) {
+  const FacetCross x = facet_cross(mesh, f);
+  const double factor = x.scale / scale.unit();
+  return 0.5 * detail::norm(x.cross) * factor * factor;
+}
+
 // Neumaier's compensated sum, so that the total is good to a few last bits whatever the number and order of facets.
 class CompensatedSum {
  public:
@@ -183,16 +191,12 @@ void require_usable(const MeshView& mesh, const Execution& execution) {
   }
   require_indices(mesh);
   const Execution run = execution.start("checking the mesh");
-  CompensatedSum sum;  // repeated facets make no difference here, and take time to find
-  for_each_watched(mesh.num_facets(), run, [&](Index f) { sum.add(facet_area(mesh, f)); });
+  // Repeated facets make no difference here, and take time to find. In units of the mesh: areas in its own may be no doubles.
+  bool has_area = false;
+  const detail::MeshScale scale(mesh);
+  for_each_watched(mesh.num_facets(), run, [&](Index f) { has_area = has_area || scaled_area(mesh, f, scale) > 0; });
   run.finish();
-  const double area = sum.value();
-  if (!std::isfinite(area)) fail("its area is too large for a double; scale it down");
-  if (!(area > 0)) {
-    fail(
-        "it has no area: the corners of every facet are collinear, or so close that the area underflows; repair it or scale it "
-        "up");
-  }
+  if (!has_area) fail("it has no area: the corners of every facet are in one line, or nearly; repair it");
 }
 
 Index find_wild_vertex(const MeshView& mesh, const Execution& execution) {
@@ -271,6 +275,12 @@ Points facet_normals(const MeshView& mesh, const Execution& execution) {
   });
   run.finish();
   return normals;
+}
+
+double Box::diagonal() const {
+  const Vec3 sides = max - min;
+  const detail::MeshScale scale = detail::MeshScale::of_length(sides.maxCoeff());
+  return scale.length_back(detail::norm(scale.point(sides)));
 }
 
 Box bounding_box(const MeshView& mesh, const Execution& execution) {
@@ -392,6 +402,7 @@ MeshReport check(const MeshView& mesh, const Execution& execution) {
   report.repeated_facets = static_cast<Index>(copies.size());
   auto copy = copies.begin();
   CompensatedSum area;
+  const detail::MeshScale scale(mesh);
   bool box_started = false;
   for_each_watched(report.facets, run.part(0.25, 0.5), [&](Index f) {
     if (!facet_in_range(mesh, f)) {
@@ -403,7 +414,10 @@ MeshReport check(const MeshView& mesh, const Execution& execution) {
     if (!facet_is_finite(mesh, f)) return;
     for (int k = 0; k < 3; ++k) grow_box(report.box, box_started, mesh.corner(f, k));
     while (copy != copies.end() && *copy < f) ++copy;
-    if (copy == copies.end() || *copy != f) area.add(facet_area(mesh, f));
+    if (copy == copies.end() || *copy != f) {
+      area.add(facet_area(mesh, f));
+      report.has_area = report.has_area || scaled_area(mesh, f, scale) > 0;
+    }
     const Vec3 a = mesh.corner(f, 0), b = mesh.corner(f, 1), c = mesh.corner(f, 2);
     report.zero_area_facets += !repeated && collinear(a.data(), b.data(), c.data()) ? 1 : 0;
   });

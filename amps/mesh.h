@@ -49,8 +49,8 @@ struct SurfacePoint {
 };
 
 /// Throws Error(kInvalidMesh) naming the first offending vertex or facet, and what to do, if the mesh has no facet, a
-/// coordinate that is NaN or infinite, an index out of range, or an area that is 0 or infinite as a double; Error(kTooLarge)
-/// for more than 2^31 − 1 vertices or facets. Everything else works.
+/// coordinate that is NaN or infinite, an index out of range, or no facet with an area (at the scale of its coordinates);
+/// Error(kTooLarge) for more than 2^31 − 1 vertices or facets. Everything else works.
 AMPS_EXPORT void require_usable(const MeshView& mesh, const Execution& execution = {});
 
 /// A vertex so far away that no radius suits the mesh: more than 0.95 of the corners of facets lie so near to each other,
@@ -76,7 +76,7 @@ AMPS_EXPORT Points facet_normals(const MeshView& mesh, const Execution& executio
 struct Box {
   Vec3 min = Vec3::Zero();
   Vec3 max = Vec3::Zero();
-  double diagonal() const { return detail::norm(max - min); }
+  AMPS_EXPORT double diagonal() const;  ///< at any scale; infinite where it is no double
 };
 AMPS_EXPORT Box bounding_box(const MeshView& mesh, const Execution& execution = {});
 
@@ -120,12 +120,11 @@ struct MeshReport {
   Index duplicate_vertices = 0;     ///< equal coordinates to an earlier vertex
   Index isolated_vertices = 0;
   Index wild_vertex = kNone;  ///< as find_wild_vertex()
-  double area = 0;            ///< without repeated facets
+  double area = 0;            ///< without repeated facets; 0 or infinite where it is no double
+  bool has_area = false;      ///< is there any?
   Box box;
   TopologyReport topology;  ///< of the facets whose indices are in range
-  bool usable() const {
-    return facets > 0 && non_finite_vertices == 0 && out_of_range_facets == 0 && area > 0 && std::isfinite(area);
-  }
+  bool usable() const { return facets > 0 && non_finite_vertices == 0 && out_of_range_facets == 0 && has_area; }
 };
 
 /// Takes any mesh whatsoever; facets with an index out of range or a corner that is not finite count in no measure.

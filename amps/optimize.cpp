@@ -8,6 +8,7 @@
 #include "amps/portable_math.h"
 #include "amps/refill.h"
 #include "amps/sample_edit.h"
+#include "amps/sizing_lattice.h"
 #include "amps/disk_set.h"
 #include "amps/wanted_radii.h"
 
@@ -667,6 +668,13 @@ class Optimizer {
 
 }  // namespace
 
+OptimizeOptions scaled_options(const OptimizeOptions& options, const MeshScale& scale) {
+  OptimizeOptions result = options;
+  result.radius = scale.length(options.radius);
+  result.sizing = SizingFieldAccess::scaled(options.sizing, scale);
+  return result;
+}
+
 void require_optimize_options(const OptimizeOptions& options) {
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "optimisation: " + what); };
   const auto bounded = [](double x, double low, double high) { return x == 0 || (x > low && x < high); };
@@ -781,6 +789,13 @@ void optimize_or_fill(const MeshView& mesh, const SampleSet& samples, OptimizeOp
 }  // namespace detail
 
 OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const OptimizeOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    OptimizeResult result = scale.in_our_units([&] {
+      return optimize(scale.mesh(mesh), detail::scaled_samples(samples, scale), detail::scaled_options(options, scale));
+    });
+    detail::scale_back(result.samples, scale);
+    return result;
+  }
   detail::require_optimize_options(options);
   if (!options.sizing.empty() && !options.sizing.fits(mesh)) {
     throw Error(ErrorCode::kInvalidArgument, "optimisation: the sizing field is of another mesh (" +

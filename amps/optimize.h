@@ -104,6 +104,8 @@ class CapField;
 class DiskSet;
 
 void require_optimize_options(const OptimizeOptions& options);
+/// Options in units of `scale`, which is that of the mesh.
+OptimizeOptions scaled_options(const OptimizeOptions& options, const MeshScale& scale);
 
 /// Samples that optimisation adds, relative to those there are: measured, good to 0.01.
 double expected_growth(const OptimizeOptions& options, bool uniform);

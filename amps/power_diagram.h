@@ -10,7 +10,8 @@
 // every side they take of a bisector is decided exactly (predicates.h). So the fragments of a facet tile it without crack or
 // overlap, a site j labels an edge of a fragment of i iff i labels the same edge of a fragment of j, and three fragments meet
 // at every vertex inside a facet. Coordinates are derived for output and measures only; all fragments at a vertex have the same
-// bits.
+// bits. Meshes beyond 1e±15 take long, as they do in the triangulation, and squares of 1e±150 are no doubles: scale them, as
+// what is built on this does.
 //
 // Over disks that know their surface (DESIGN: reach) each facet is divided among the sites that reach it alone. Where all
 // owners in the diagram of all sites do, that diagram is right as it is: all but thin sheets, tight folds and sharp creases.

@@ -150,7 +150,16 @@ void measure_edges(const MeshView& mesh, QualityReport& report, const Execution&
 
 }  // namespace
 
+void detail::scale_back(QualityReport& report, const MeshScale& scale) {
+  for (double* length : {&report.min_edge, &report.max_edge, &report.mean_edge}) scale.back(*length);
+}
+
 QualityReport quality(const MeshView& mesh, const Execution& execution) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    QualityReport report = quality(scale.mesh(mesh), execution);
+    detail::scale_back(report, scale);
+    return report;
+  }
   const Execution run = execution.start("measuring triangles");
   QualityReport report;
   measure_facets(mesh, report, run.part(0, 0.6));

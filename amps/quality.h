@@ -7,6 +7,7 @@
 #include "amps/buffers.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
+#include "amps/mesh_scale.h"
 
 #include <array>
 #include <iosfwd>
@@ -51,6 +52,13 @@ struct BoundRatios {
 /// `radii`: of each vertex, absolute. Throws Error: kInvalidArgument (not one radius a vertex, one not finite or not above 0);
 /// kCancelled. Zeros without a triangle. Facets with repeated indices are skipped. O(#F).
 AMPS_EXPORT BoundRatios bound_ratios(const MeshView& mesh, const ValuesView& radii, const Execution& execution = {});
+
+namespace detail {
+
+/// From units of `scale`.
+void scale_back(QualityReport& report, const MeshScale& scale);
+
+}  // namespace detail
 
 }  // namespace amps
 

@@ -84,9 +84,46 @@ Dual odd_triples(const Dual& dual, Index num_sites, const Execution& execution) 
   return {Triangles(std::move(corners)), std::move(facets)};
 }
 
-/// Flips triangles so that manifold edges are traversed once in each direction, as far as the surface is orientable; per
-/// component (across manifold edges) the majority of the given orientations stays.
-void orient_consistently(Triangles& triangles, Index num_vertices, const Execution& execution) {
+/// Flags of facets that are joined, across edges of two facets, to two that traverse their edge in one direction. Empty if
+/// there is none.
+std::vector<char> disagreeing_facets(const SurfaceEdges& edges) {
+  const auto disagrees = [](const MeshEdge& edge) { return edge.size() == 2 && !edge.regular(); };
+  std::size_t first = 0;
+  while (first < edges.size() && !disagrees(edges[first])) ++first;
+  if (first == edges.size()) return {};
+  UnionFind sets(slot(edges.num_facets()));
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    if (edges[e].size() == 2) sets.join(slot(edges[e][0].facet), slot(edges[e][1].facet));
+  }
+  std::vector<char> of_set(slot(edges.num_facets()), 0);
+  for (std::size_t e = first; e < edges.size(); ++e) {
+    if (disagrees(edges[e])) of_set[sets.find(slot(edges[e][0].facet))] = 1;
+  }
+  std::vector<char> result(of_set.size());
+  for (std::size_t f = 0; f < result.size(); ++f) result[f] = of_set[sets.find(f)];
+  return result;
+}
+
+/// The sign of the volume that these triangles enclose; 0 where rounding might have changed it.
+int sign_of_volume(const Triangles& triangles, const std::vector<Index>& chosen, const PointsView& positions) {
+  const Vec3 origin = positions[triangles(chosen.front(), 0)];
+  double volume = 0, magnitude = 0;
+  for (const Index t : chosen) {
+    const Vec3 a = positions[triangles(t, 0)] - origin, b = positions[triangles(t, 1)] - origin,
+               c = positions[triangles(t, 2)] - origin;
+    volume += dot(a, b.cross(c));
+    magnitude += sum(a.cwiseAbs()) * sum(b.cwiseAbs()) * sum(c.cwiseAbs());
+  }
+  // A term is off by some 10 units of 2^-53 of its magnitude, the sum by one more for each term.
+  const double bound = (static_cast<double>(chosen.size()) + 16) * 0x1p-53 * magnitude;
+  return (volume > bound) - (volume < -bound);
+}
+
+/// Flips triangles so that manifold edges are traversed once in each direction, as far as the surface is orientable. By
+/// component (across manifold edges) the majority of the given orientations stays; but where facets under it disagree (`dual`
+/// has the facets, `surface` their edges) and it is closed, it is turned so that its volume is positive.
+void orient_consistently(Dual& dual, const SurfaceEdges& surface, const PointsView& positions, const Execution& execution) {
+  Triangles& triangles = dual.triangles;
   struct Link {
     Index triangle;
     bool same;  ///< both traverse the edge in opposite directions already
@@ -94,7 +131,7 @@ void orient_consistently(Triangles& triangles, Index num_vertices, const Executi
   const std::size_t n = static_cast<std::size_t>(triangles.rows());
   std::vector<std::array<Link, 3>> links(n, {Link{kNone, true}, Link{kNone, true}, Link{kNone, true}});
   std::vector<std::uint8_t> link_count(n, 0);
-  const MeshEdges edges(triangles, num_vertices, {}, execution.part(0, 0.6));
+  const MeshEdges edges(triangles, static_cast<Index>(positions.rows()), {}, execution.part(0, 0.6));
   Ticker linking(execution.part(0.6, 0.8), edges.size(), kElementsPerLook);
   for (std::size_t e = 0; e < edges.size(); ++e) {
     linking.tick();
@@ -106,32 +143,69 @@ void orient_consistently(Triangles& triangles, Index num_vertices, const Executi
   }
   enum : std::uint8_t { kUnseen, kKept, kFlipped };
   std::vector<std::uint8_t> decision(n, kUnseen);
-  std::vector<Index> component;
+  std::vector<Index> components, component_of(n, kNone);  // triangles, component after component
+  std::vector<std::size_t> begin;
   Ticker turning(execution.part(0.8, 1), n, kElementsPerLook);
   for (std::size_t seed = 0; seed < n; ++seed) {
     if (decision[seed] != kUnseen) continue;
     decision[seed] = kKept;
-    component.assign(1, static_cast<Index>(seed));
+    const std::size_t first = components.size();
+    begin.push_back(first);
+    components.push_back(static_cast<Index>(seed));
     std::size_t flipped = 0;
-    for (std::size_t k = 0; k < component.size(); ++k) {
+    for (std::size_t k = first; k < components.size(); ++k) {
       turning.tick();
-      const auto t = static_cast<std::size_t>(component[k]);
+      const auto t = slot(components[k]);
+      component_of[t] = static_cast<Index>(begin.size() - 1);
       flipped += decision[t] == kFlipped;
       for (const Link& link : links[t]) {
-        if (link.triangle == kNone || decision[static_cast<std::size_t>(link.triangle)] != kUnseen) continue;
-        decision[static_cast<std::size_t>(link.triangle)] = (decision[t] == kKept) == link.same ? kKept : kFlipped;
-        component.push_back(link.triangle);
+        if (link.triangle == kNone || decision[slot(link.triangle)] != kUnseen) continue;
+        decision[slot(link.triangle)] = (decision[t] == kKept) == link.same ? kKept : kFlipped;
+        components.push_back(link.triangle);
       }
     }
-    const std::uint8_t turn = 2 * flipped > component.size() ? kKept : kFlipped;
-    for (const Index t : component) {
-      if (decision[static_cast<std::size_t>(t)] == turn) std::swap(triangles(t, 1), triangles(t, 2));
+    const std::uint8_t turn = 2 * flipped > components.size() - first ? kKept : kFlipped;
+    for (std::size_t k = first; k < components.size(); ++k) {
+      const Index t = components[k];
+      if (decision[slot(t)] == turn) std::swap(triangles(t, 1), triangles(t, 2));
     }
+  }
+  const std::vector<char> disagreeing = disagreeing_facets(surface);
+  if (disagreeing.empty()) return;
+  begin.push_back(components.size());
+  // Closed is a component that traverses each of its edges as often forward as backward.
+  std::vector<char> open(begin.size() - 1, 0);
+  const MeshEdges turned(triangles, static_cast<Index>(positions.rows()));
+  std::vector<std::pair<Index, int>> directions;  // component, direction
+  for (std::size_t e = 0; e < turned.size(); ++e) {
+    if (turned[e].regular()) continue;
+    directions.clear();
+    for (const EdgeSide& side : turned[e]) directions.emplace_back(component_of[slot(side.facet)], side.forward ? 1 : -1);
+    std::sort(directions.begin(), directions.end());
+    for (std::size_t k = 0; k < directions.size();) {
+      const Index component = directions[k].first;
+      int sum = 0;
+      for (; k < directions.size() && directions[k].first == component; ++k) sum += directions[k].second;
+      if (sum != 0) open[slot(component)] = 1;
+    }
+  }
+  std::vector<Index> chosen;
+  for (std::size_t c = 0; c + 1 < begin.size(); ++c) {
+    if (open[c] != 0) continue;
+    chosen.assign(components.begin() + static_cast<std::ptrdiff_t>(begin[c]),
+                  components.begin() + static_cast<std::ptrdiff_t>(begin[c + 1]));
+    const auto disagrees = [&](Index t) { return disagreeing[slot(dual.facets[slot(t)])] != 0; };
+    if (!std::any_of(chosen.begin(), chosen.end(), disagrees)) continue;
+    std::sort(chosen.begin(), chosen.end());
+    if (sign_of_volume(triangles, chosen, positions) >= 0) continue;
+    for (const Index t : chosen) std::swap(triangles(t, 1), triangles(t, 2));
   }
 }
 
-/// `ids`: the sites, in the order of the result's vertices; empty: as they are.
-Dual restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vector<Index>& ids, const Execution& execution) {
+/// `ids`: the sites, in the order of the result's vertices, which lie at `positions`; empty: as they are. `surface`: the edges
+/// of the diagram's mesh.
+Dual restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vector<Index>& ids, const PointsView& positions,
+                          const SurfaceEdges& surface, const Execution& execution) {
   Dual dual;
   dual.triangles = diagram.dual_triangles(&dual.facets, execution.part(0, 0.2));
   if (!ids.empty()) {
@@ -148,7 +222,7 @@ Dual restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vect
   }
   const Index num_vertices = ids.empty() ? diagram.num_sites() : static_cast<Index>(ids.size());
   dual = odd_triples(dual, num_vertices, execution.part(0.3, 0.5));
-  orient_consistently(dual.triangles, num_vertices, execution.part(0.5, 1));
+  orient_consistently(dual, surface, positions, execution.part(0.5, 1));
   return dual;
 }
 
@@ -530,7 +604,11 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     if (status == Outcome::kCancelled) return;
   }
   const Execution extracting = execution.part(parts.optimization, parts.extraction, "building the mesh");
-  Dual dual = restricted_triangles(*run.diagram, ids, extracting);
+  Dual dual =
+      surface_of_input.flood != nullptr
+          ? restricted_triangles(*run.diagram, ids, result.samples.positions, surface_of_input.flood->edges(), extracting)
+          : restricted_triangles(*run.diagram, ids, result.samples.positions, SurfaceEdges(mesh, extracting.part(0, 0.3)),
+                                 extracting.part(0.3, 1));
   result.mesh = {result.samples.positions, std::move(dual.triangles)};
   result.facets = std::move(dual.facets);
   result.patches.assign(result.facets.size(), 0);
@@ -782,15 +860,51 @@ class RemeshRuns {
   double scale_ = 1, count_before_ = 0;  ///< of the sizing, and of the result, by the last run that kept nothing
 };
 
+/// remesh() of the mesh in units of `scale`.
+RemeshResult remesh_at(const MeshScale& scale, const MeshView& mesh, const RemeshOptions& options) {
+  RemeshOptions scaled = options;
+  scaled.sampling = scaled_options(options.sampling, scale);
+  scaled.curves = scaled_options(options.curves, scale);
+  scaled.max_error = scale.length(options.max_error);
+  scaled.optimization = scaled_options(options.optimization, scale);
+  RemeshResult result = scale.in_our_units([&] { return remesh(scale.mesh(mesh), scaled); });
+  scale.back(result.mesh.vertices);
+  scale_back(result.samples, scale);
+  if (result.graph != nullptr) {
+    auto graph = std::make_shared<CurveGraph>(*result.graph);
+    scale_back(*graph, scale);
+    result.graph = std::move(graph);
+  }
+  RemeshReport& report = result.report;
+  scale_back(report.sampling, scale);
+  for (QualityReport* quality : {&report.quality, &report.curves.beside, &report.curves.away}) scale_back(*quality, scale);
+  for (double* length : {&report.curves.length, &report.curves.deviation, &report.fit.rms_before, &report.fit.rms_after,
+                         &report.fit.max_before, &report.fit.max_after, &report.hausdorff_bound, &report.hausdorff_lower}) {
+    scale.back(*length);
+  }
+  report.maximality.gap_area = scale.area_back(report.maximality.gap_area);
+  return result;
+}
+
 }  // namespace
 }  // namespace detail
 
 Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution,
                               Neighborhood neighborhood, const CurveGraph* curves) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    Mesh result = scale.in_our_units([&] {
+      return restricted_triangulation(scale.mesh(mesh), detail::scaled_samples(samples, scale), execution, neighborhood,
+                                      curves);
+    });
+    result.vertices = samples.positions;
+    return result;
+  }
   const Execution run = execution.start();
   const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9), curves);
+  const detail::SurfaceEdges edges(mesh, run.part(0.9, 0.93));
   Mesh result{samples.positions,
-              detail::restricted_triangles(set.diagram, {}, run.part(0.9, 1, "listing triangles")).triangles};
+              detail::restricted_triangles(set.diagram, {}, samples.positions, edges, run.part(0.93, 1, "listing triangles"))
+                  .triangles};
   run.finish();
   return result;
 }
@@ -823,6 +937,7 @@ std::string lost_shape(const RemeshReport& report) {
 }
 
 RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::remesh_at(scale, mesh, options);
   SamplingOptions sampling = options.sampling;
   if (options.optimize) detail::require_optimize_options(options.optimization);
   if (sampling.neighborhood == Neighborhood::kDefault) {

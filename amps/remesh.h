@@ -142,8 +142,10 @@ AMPS_EXPORT RemeshResult remesh(const MeshView& mesh, const RemeshOptions& optio
 /// they meet twice, as on both sides of a sharp crease or of a thin plate, the two triangles cancel. So where every edge of the
 /// input has evenly many facets (equal positions being one vertex, and facets that are there twice one facet), every edge of
 /// the result has evenly many triangles, for any set: the dual of a closed surface has no boundary. Oriented as the surface
-/// under it, then made consistent across manifold edges by majority per component, so inputs with flipped facets come out right
-/// wherever the output is orientable. Cancelled, it throws Error(kCancelled). `curves`: as verify_maximal().
+/// under it, then made consistent across manifold edges, component by component: wherever the output is orientable, inputs with
+/// flipped facets come out right. The majority says which way; but of a component that is closed, over facets of the input that
+/// disagree with each other across edges of two, the volume is positive, whatever the majority. remesh() orients likewise.
+/// Cancelled, it throws Error(kCancelled). `curves`: as verify_maximal().
 AMPS_EXPORT Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
                                           Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
 

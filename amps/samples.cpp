@@ -52,6 +52,20 @@ void require_sample_set(const SampleSet& samples) {
   }
 }
 
+SampleSet scaled_samples(const SampleSet& samples, const MeshScale& scale) {
+  SampleSet result = samples;
+  result.positions = scale.points(samples.positions);
+  result.radii = scale.lengths(samples.radii);
+  result.parameters = scale.lengths(samples.parameters);
+  return result;
+}
+
+void scale_back(SampleSet& samples, const MeshScale& scale) {
+  scale.back(samples.positions);
+  scale.back(samples.radii);
+  scale.back(samples.parameters);
+}
+
 double min_radius(const SampleSet& samples) { return *std::min_element(samples.radii.begin(), samples.radii.end()); }
 
 double max_radius(const SampleSet& samples) { return *std::max_element(samples.radii.begin(), samples.radii.end()); }

@@ -8,6 +8,7 @@
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
+#include "amps/mesh_scale.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -102,6 +103,10 @@ void require_neighborhood(Neighborhood neighborhood, ConflictRule rule);
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
 /// barycentrics are given but not one a sample.
 void require_sample_set(const SampleSet& samples);
+
+/// The set in units of `scale`, and back.
+SampleSet scaled_samples(const SampleSet& samples, const MeshScale& scale);
+void scale_back(SampleSet& samples, const MeshScale& scale);
 
 /// The least and the greatest radius of a set that is not empty.
 double min_radius(const SampleSet& samples);

@@ -7,6 +7,7 @@
 #include "amps/disk_set.h"
 #include "amps/gap_filling.h"
 #include "amps/portable_math.h"
+#include "amps/sizing_lattice.h"
 #include "amps/spatial_sort.h"
 #include "amps/topology_refinement.h"
 #include "amps/wanted_radii.h"
@@ -92,6 +93,10 @@ void require_sampling_options(const SamplingOptions& options) {
   }
 }
 
+/// Radii below this many resolutions of the coordinates are refused: roundings of positions would be 1 % of them and more, and
+/// gaps with no double in them too many.
+constexpr double kLeastResolutions = 64;
+
 std::string text_of_radii(double min, double max) {
   return min == max ? "radius " + number_text(min) : "radii from " + number_text(min) + " to " + number_text(max);
 }
@@ -111,6 +116,12 @@ void require_feasible_radii(const MeshView& mesh, const WantedRadii& radii, cons
   }
   const bool uniform = min == max;
   const std::string what = text_of_radii(min, max);
+  const double farthest = box.min.cwiseAbs().cwiseMax(box.max.cwiseAbs()).maxCoeff(), resolution = 0x1p-52 * farthest;
+  if (min < kLeastResolutions * resolution) {
+    throw Error(ErrorCode::kInvalidArgument, "sampling: " + what + " at coordinates of up to " + number_text(farthest) +
+                                                 ": doubles are " + number_text(resolution) +
+                                                 " apart there, too much for disks; move the mesh to the origin");
+  }
   const ForeseenSize size = foresee_size(mesh, radii, options.max_samples);
   const auto use = [&](double factor) {
     constexpr double kMargin = 1.01;
@@ -697,7 +708,35 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
 
 }  // namespace detail
 
+namespace detail {
+
+SamplingOptions scaled_options(const SamplingOptions& options, const MeshScale& scale) {
+  SamplingOptions result = options;
+  result.radius = scale.length(options.radius);
+  result.sizing = SizingFieldAccess::scaled(options.sizing, scale);
+  return result;
+}
+
+void scale_back(SamplingReport& report, const MeshScale& scale) {
+  for (double* length : {&report.radius, &report.min_radius, &report.max_radius, &report.mean_radius}) scale.back(*length);
+}
+
+namespace {
+
+/// `call` of the mesh and the options in units of `scale`.
+template <class Call>
+SamplingResult sampled_at(const MeshScale& scale, const MeshView& mesh, const SamplingOptions& options, const Call& call) {
+  SamplingResult result = scale.in_our_units([&] { return call(scale.mesh(mesh), scaled_options(options, scale)); });
+  scale_back(result.samples, scale);
+  scale_back(result.report, scale);
+  return result;
+}
+
+}  // namespace
+}  // namespace detail
+
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, sample);
   if (options.neighborhood != Neighborhood::kSurface) return std::move(detail::sample_with_diagram(mesh, options).result);
   require_usable(mesh);
   constexpr double kFloodsShare = 0.03;
@@ -718,6 +757,7 @@ SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
 }
 
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, throw_darts);
   const Execution execution = options.execution.start("throwing darts");
   require_usable(mesh);
   detail::require_sampling_options(options);
@@ -737,6 +777,11 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
 }
 
 SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    return detail::sampled_at(scale, mesh, options, [&](const MeshView& m, const SamplingOptions& o) {
+      return fill_gaps(m, detail::scaled_samples(existing, scale), o);
+    });
+  }
   const Execution execution = options.execution.start();
   require_usable(mesh);
   detail::require_sampling_options(options);

@@ -7,6 +7,15 @@
 // Radii are equal, or follow a sizing field r(p): then darts fall with density ρ = 1/r², and r_i is r(p_i), or less where
 // r(p_i) would cover a sample that is there already: such a dart of the second stage takes its distance to the nearest sample,
 // as in the paper. So r_min ≤ r_i ≤ r(p_i), samples are at least r_min apart, and filling ends.
+//
+// Scale. Coordinates of any magnitude behave as those at 1: the bits at 2^k times the scale are those at 1, scaled (but for
+// results below the least normal double, which are rounded, areas that are no doubles, and coordinates that are less than
+// 2^-1074 of the largest: they count as 0). That is so in all of amps that computes with lengths of a mesh.
+//
+// Far from the origin. The resolution of coordinates is 2^-52 of the largest of them: positions are rounded to it, and what is
+// promised is of the rounded ones. While radii are above 1024 resolutions (that is up to 10^12 r from the origin), all of it
+// holds. Below that, distances are off by a resolution, gaps may hold no double (SamplingReport::unfilled_gaps); radii below 64
+// resolutions are refused.
 #pragma once
 
 #include "amps/host_macros_begin.h"
@@ -59,14 +68,14 @@ struct SamplingReport {
   double min_radius = 0;    ///< of all samples, as the next two; 0 if there is none
   double max_radius = 0;
   double mean_radius = 0;
-  std::uint64_t seed = 0;   ///< the one used: with radius or scale it reproduces the set (differs with target_count)
-  std::uint64_t darts = 0;  ///< thrown in the first stage
-  Index curve_samples = 0;  ///< samples on corners and curves; they come first
-  Index dart_samples = 0;   ///< samples of dart throwing
-  Index gap_samples = 0;    ///< samples added by gap filling
-  Index unfilled_gaps = 0;  ///< gaps that hold no double at the wanted distance: 0 unless the mesh lies > 1e6·r from the origin
-  int refinements = 0;      ///< rounds with smaller radii, where the topology was not that of the surface
-  int attempts = 1;         ///< sampling runs made to reach target_count
+  std::uint64_t seed = 0;    ///< the one used: with radius or scale it reproduces the set (differs with target_count)
+  std::uint64_t darts = 0;   ///< thrown in the first stage
+  Index curve_samples = 0;   ///< samples on corners and curves; they come first
+  Index dart_samples = 0;    ///< samples of dart throwing
+  Index gap_samples = 0;     ///< samples added by gap filling
+  Index unfilled_gaps = 0;   ///< gaps that hold no double at the wanted distance: 0 but where radii are below 1024 resolutions
+  int refinements = 0;       ///< rounds with smaller radii, where the topology was not that of the surface
+  int attempts = 1;          ///< sampling runs made to reach target_count
   double seconds_darts = 0;  ///< wall clock, all attempts; as the next three
   double seconds_triangulation = 0;
   double seconds_diagram = 0;
@@ -104,6 +113,10 @@ namespace detail {
 
 /// How many samples these options make, roughly; 0 where they are not usable. For foreseeing time only. O(#F).
 double expected_samples(const MeshView& mesh, const SamplingOptions& options);
+/// Options in units of `scale`, which is that of the mesh; reports back from there.
+SamplingOptions scaled_options(const SamplingOptions& options, const MeshScale& scale);
+void scale_back(SamplingReport& report, const MeshScale& scale);
+
 /// Microseconds that sample() takes for so many samples, roughly, on `workers` threads.
 double sampling_cost(double samples, double facets, unsigned workers);
 

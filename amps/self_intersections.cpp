@@ -2,6 +2,7 @@
 #include "amps/self_intersections.h"
 
 #include "amps/mesh_edges.h"
+#include "amps/mesh_scale.h"
 #include "amps/predicates.h"
 #include "amps/spatial_sort.h"
 
@@ -370,6 +371,7 @@ void compare_facets(const FacetBoxes& boxes, LeastPairs& found, const Execution&
 }  // namespace
 
 SelfIntersectionReport find_self_intersections(const MeshView& mesh, const SelfIntersectionOptions& options) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) return find_self_intersections(scale.mesh(mesh), options);
   detail::require_exact_arithmetic();
   const Execution run = options.execution.start("finding self-intersections");
   if (options.max_pairs < 0) {

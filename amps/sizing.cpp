@@ -29,14 +29,15 @@ std::shared_ptr<SizingLattice> make_simple_lattice(const MeshView& mesh, const E
   return detail::make_lattice(std::move(copy), facet_areas(mesh, execution.part(0.6, 1)), {}, execution);
 }
 
-bool same_mesh(const MeshView& a, const MeshView& b, const Execution& execution) {
+/// `scale`: in whose unit a is.
+bool same_mesh(const MeshView& a, const detail::MeshScale& scale, const MeshView& b, const Execution& execution) {
   if (a.num_vertices() != b.num_vertices() || a.num_facets() != b.num_facets()) return false;
   bool same = true;
   detail::for_each_index(a.num_facets(), execution.part(0, 0.6),
                          [&](Index f) { same = same && a.triangles[f] == b.triangles[f]; });
   if (!same) return false;
   detail::for_each_index(a.num_vertices(), execution.part(0.6, 1),
-                         [&](Index v) { same = same && a.vertices[v] == b.vertices[v]; });
+                         [&](Index v) { same = same && a.vertices[v] == scale.point(b.vertices[v]); });
   return same;
 }
 
@@ -57,7 +58,7 @@ SizingField::SizingField(std::shared_ptr<const SizingLattice> lattice, std::vect
 bool SizingField::fits(const MeshView& mesh, const Execution& execution) const {
   if (empty()) return false;
   const Execution job = execution.start("comparing meshes");
-  const bool same = same_mesh(lattice_->mesh, mesh, job);
+  const bool same = same_mesh(lattice_->mesh, scale_, mesh, job);
   job.finish();
   return same;
 }
@@ -65,7 +66,8 @@ bool SizingField::fits(const MeshView& mesh, const Execution& execution) const {
 Index SizingField::num_facets() const { return lattice_->num_facets(); }
 
 double SizingField::radius(Index facet, const Vec3& barycentric) const {
-  return detail::interpolate_lattice(nodes_->data() + lattice_->node(facet), lattice_->k(facet), barycentric);
+  return scale_.length_back(
+      detail::interpolate_lattice(nodes_->data() + lattice_->node(facet), lattice_->k(facet), barycentric));
 }
 
 std::size_t SizingField::num_pieces() const { return lattice_->num_pieces(); }
@@ -73,6 +75,12 @@ std::size_t SizingField::num_pieces() const { return lattice_->num_pieces(); }
 std::size_t SizingField::first_piece(Index facet) const { return lattice_->piece(facet); }
 
 SizingField::Piece SizingField::piece(std::size_t i) const {
+  Piece result = scaled_piece(i);
+  for (double& radius : result.radii) scale_.back(radius);
+  return result;
+}
+
+SizingField::Piece SizingField::scaled_piece(std::size_t i) const {
   Piece result;
   result.facet = lattice_->simple() ? static_cast<Index>(i) : lattice_->piece_facet[i];
   const Index k = lattice_->k(result.facet);
@@ -86,7 +94,7 @@ SizingField::Piece SizingField::piece(std::size_t i) const {
 }
 
 double SizingField::density_integral(std::size_t i) const {
-  const Piece p = piece(i);
+  const Piece p = scaled_piece(i);
   const double k = lattice_->k(p.facet), area = lattice_->areas[slot(p.facet)] / (k * k);
   return area > 0 ? area * detail::mean_inverse_square(p.radii) : 0.0;
 }
@@ -105,10 +113,11 @@ SizingField SizingField::scaled(double factor, const Execution& execution) const
   std::vector<double> nodes = *nodes_;
   detail::for_each_index(nodes.size(), job.part(0, 0.5), [&](std::size_t n) {
     nodes[n] *= factor;
-    if (!is_radius(nodes[n]))
+    if (!is_radius(scale_.length_back(nodes[n])))
       refuse_sizing("scaled by " + number_text(factor) + " a radius is no positive double; use a milder factor");
   });
   SizingField result(lattice_, std::move(nodes), job.part(0.5, 1));
+  result.scale_ = scale_;
   job.finish();
   return result;
 }
@@ -119,9 +128,11 @@ SizingField SizingField::clamped(double lowest, double highest, const Execution&
     refuse_sizing("cannot clamp to [" + number_text(lowest) + ", " + number_text(highest) + "]; give 0 < lowest <= highest");
   }
   std::vector<double> nodes = *nodes_;
+  const double low = scale_.length(lowest), high = scale_.length(highest);
   detail::for_each_index(nodes.size(), job.part(0, 0.5),
-                         [&](std::size_t n) { nodes[n] = std::min(highest, std::max(lowest, nodes[n])); });
+                         [&](std::size_t n) { nodes[n] = std::min(high, std::max(low, nodes[n])); });
   SizingField result(lattice_, std::move(nodes), job.part(0.5, 1));
+  result.scale_ = scale_;
   job.finish();
   return result;
 }
@@ -131,7 +142,9 @@ SizingField min(const SizingField& a, const SizingField& b, const Execution& exe
   const auto& la = SizingFieldAccess::lattice(a);
   const auto& lb = SizingFieldAccess::lattice(b);
   const Execution job = execution.start(kSizingStage);
-  if (la != lb && !same_mesh(la->mesh, lb->mesh, job.part(0, 0.2)))
+  const detail::MeshScale& scale = SizingFieldAccess::scale(a);
+  const bool same_scale = SizingFieldAccess::scale(b).in(scale).is_one();
+  if (!same_scale || (la != lb && !same_mesh(la->mesh, {}, lb->mesh, job.part(0, 0.2))))
     refuse_sizing("minimum of fields of different meshes; make both from one mesh");
   std::shared_ptr<const SizingLattice> lattice = la;
   if (!lb->simple()) {
@@ -151,13 +164,13 @@ SizingField min(const SizingField& a, const SizingField& b, const Execution& exe
     for (Index j = 0; j <= k; ++j) {
       for (Index i = 0; i + j <= k; ++i) {
         const Vec3 at = detail::lattice_barycentric(k, i, j);
-        *out++ = std::min(a.radius(f, at), b.radius(f, at));
+        *out++ = scale.length(std::min(a.radius(f, at), b.radius(f, at)));
       }
     }
   });
   SizingField result = SizingFieldAccess::make(std::move(lattice), std::move(nodes), job.part(0.9, 1));
   job.finish();
-  return result;
+  return SizingFieldAccess::of_scale(std::move(result), scale);
 }
 
 namespace {
@@ -199,14 +212,14 @@ SizingField SizingField::with_ratio(double ratio, double quantile, const Executi
   shares.reserve(num_pieces());
   double total = 0;
   detail::for_each_index(num_pieces(), job.part(0, 0.5), [&](std::size_t i) {
-    const Piece p = piece(i);
+    const Piece p = scaled_piece(i);
     const double k = lattice_->k(p.facet), area = lattice_->areas[slot(p.facet)] / (k * k);
     if (!(area > 0)) return;
     shares.push_back({(p.radii[0] + p.radii[1] + p.radii[2]) / 3, area});
     total += area;
   });
   const double smallest = quantile == 0 ? min_ : radius_at_area(shares, quantile * total, job.part(0.5, 0.65));
-  return clamped(smallest, ratio * smallest, job.part(0.65, 1));
+  return clamped(scale_.length_back(smallest), ratio * scale_.length_back(smallest), job.part(0.65, 1));
 }
 
 double count_factor(const SizingField& field, double count, const Execution& execution) {
@@ -217,6 +230,10 @@ double count_factor(const SizingField& field, double count, const Execution& exe
 }
 
 SizingField uniform_sizing(const MeshView& mesh, double radius, const Execution& execution) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    return SizingFieldAccess::back(
+        scale.in_our_units([&] { return uniform_sizing(scale.mesh(mesh), scale.length(radius), execution); }), scale);
+  }
   if (!is_radius(radius)) refuse_sizing("the radius " + number_text(radius) + " is not positive and finite");
   const Execution job = execution.start(kSizingStage);
   auto lattice = make_simple_lattice(mesh, job.part(0, 0.9));
@@ -227,6 +244,12 @@ SizingField uniform_sizing(const MeshView& mesh, double radius, const Execution&
 }
 
 SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii, const Execution& execution) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    std::vector<double> scaled;
+    for (std::ptrdiff_t v = 0; v < radii.size(); ++v) scaled.push_back(scale.length(radii[v]));
+    return SizingFieldAccess::back(scale.in_our_units([&] { return vertex_sizing(scale.mesh(mesh), scaled, execution); }),
+                                   scale);
+  }
   const Execution job = execution.start(kSizingStage);
   auto lattice = make_simple_lattice(mesh, job.part(0, 0.7));
   if (radii.size() != mesh.num_vertices()) {
@@ -447,6 +470,14 @@ class Tabulator {
 
 SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options,
                             const Execution& execution) {
+  if (const detail::MeshScale scale(mesh); radius && !scale.is_one()) {
+    const SizingFunction scaled = [&](SurfacePoint at) {
+      for (int k = 0; k < 3; ++k) scale.back(at.position[k]);
+      return scale.length(radius(at));
+    };
+    return SizingFieldAccess::back(
+        scale.in_our_units([&] { return function_sizing(scale.mesh(mesh), scaled, options, execution); }), scale);
+  }
   const Execution job = execution.start(kSizingStage);
   require_usable(mesh, job.part(0, 0.1));
   if (!radius) refuse_sizing("no function given");

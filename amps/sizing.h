@@ -17,6 +17,7 @@
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
+#include "amps/mesh_scale.h"
 
 #include <array>
 #include <cstddef>
@@ -54,8 +55,10 @@ class SizingField {
   /// where the facet has area. O(1).
   AMPS_EXPORT double radius(Index facet, const Vec3& barycentric) const;
   double radius(const SurfacePoint& at) const { return radius(at.facet, at.barycentric); }
-  double min_radius() const { return min_; }  ///< over all nodes of facets with area: the extremes of the field
-  double max_radius() const { return max_; }
+  double min_radius() const {
+    return scale_.length_back(min_);
+  }  ///< over all nodes of facets with area: the extremes of the field
+  double max_radius() const { return scale_.length_back(max_); }
 
   /// A lattice triangle: where darts are thrown.
   struct Piece {
@@ -97,9 +100,12 @@ class SizingField {
   friend struct detail::SizingFieldAccess;
   SizingField(std::shared_ptr<const detail::SizingLattice> lattice, std::vector<double> nodes, const Execution& execution);
 
+  Piece scaled_piece(std::size_t i) const;
+
   std::shared_ptr<const detail::SizingLattice> lattice_;
   std::shared_ptr<const std::vector<double>> nodes_;  ///< radii, facet by facet
   double min_ = 0, max_ = 0;
+  detail::MeshScale scale_;  ///< in whose unit all of these are, and the lattice's mesh
 };
 
 /// A maximal set of radii r has about this times ∫dA/r² samples (measured: uniform radii, large sets).

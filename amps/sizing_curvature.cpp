@@ -7,6 +7,7 @@
 
 #include "amps/mesh_edges.h"
 #include "amps/portable_math.h"
+#include "amps/sizing_lattice.h"
 
 #include <algorithm>
 #include <array>
@@ -248,6 +249,11 @@ class CurvatureEstimator {
 }  // namespace
 
 std::vector<double> max_curvature(const MeshView& mesh, double crease_angle, const Execution& execution) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    std::vector<double> result = max_curvature(scale.mesh(mesh), crease_angle, execution);
+    for (double& curvature : result) curvature /= scale.unit();
+    return result;
+  }
   const Execution job = execution.start("measuring curvature");
   require_usable(mesh, job.part(0, 0.1));
   if (!(crease_angle >= 0 && crease_angle <= 180)) {
@@ -267,6 +273,12 @@ SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& optio
   const auto fail = [](const std::string& what) { throw Error(ErrorCode::kInvalidArgument, "curvature sizing: " + what); };
   if (!(options.max_error > 0 && std::isfinite(options.max_error))) fail("max_error must be positive and finite");
   if (!(options.max_radius >= 0 && std::isfinite(options.max_radius))) fail("max_radius must be finite and not negative");
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    CurvatureOptions scaled = options;
+    scaled.max_error = scale.length(options.max_error);
+    scaled.max_radius = scale.length(options.max_radius);
+    return detail::SizingFieldAccess::back(curvature_sizing(scale.mesh(mesh), scaled, execution), scale);
+  }
   const Execution job = execution.start("measuring curvature");
   std::vector<double> radii = max_curvature(mesh, options.crease_angle, job.part(0, 0.75));
   const double greatest = options.max_radius > 0 ? options.max_radius : bounding_box(mesh, job.part(0.75, 0.8)).diagonal();

@@ -185,6 +185,7 @@ class GradationLimiter {
  public:
   GradationLimiter(const SizingField& field, const Execution& execution)
       : lattice_(SizingFieldAccess::lattice(field)),
+        scale_(SizingFieldAccess::scale(field)),
         graph_(*lattice_, execution.part(0, 0.95)),
         smallest_(slot(graph_.size()), std::numeric_limits<double>::infinity()) {
     const std::vector<double>& nodes = SizingFieldAccess::nodes(field);
@@ -200,11 +201,12 @@ class GradationLimiter {
     limit_gradation(graph_, gradation, execution.part(0, 0.9), u);
     std::vector<double> nodes(lattice_->num_nodes());
     for_each_index(nodes.size(), execution.part(0.9, 0.96), [&](std::size_t n) { nodes[n] = u[slot(graph_.node(n))]; });
-    return SizingFieldAccess::make(lattice_, std::move(nodes), execution.part(0.96, 1));
+    return SizingFieldAccess::of_scale(SizingFieldAccess::make(lattice_, std::move(nodes), execution.part(0.96, 1)), scale_);
   }
 
  private:
   const std::shared_ptr<const SizingLattice> lattice_;
+  const MeshScale scale_;
   NodeGraph graph_;
   std::vector<double> smallest_;  ///< by node of the graph: where entries of the table disagree, the smallest
 };

@@ -42,10 +42,10 @@ std::vector<std::size_t> first_sides(const TrianglesView& triangles, Index num_v
 
 namespace {
 
-/// (ln b − ln a)/(b − a), also for a = b.
+/// (ln b − ln a)/(b − a), also for a = b; the same bits at any power of two, scaled.
 double log_slope(double a, double b) {
   const double s = (b - a) / (b + a);
-  return std::abs(s) < 0.17 ? 2 * portable_atanh_over(s) / (a + b) : (portable_log(b) - portable_log(a)) / (b - a);
+  return std::abs(s) < 0.17 ? 2 * portable_atanh_over(s) / (a + b) : portable_log(b / a) / (b - a);
 }
 
 }  // namespace

@@ -43,6 +43,18 @@ struct SizingFieldAccess {
   static SizingField make(std::shared_ptr<const SizingLattice> lattice, std::vector<double> nodes, const Execution& execution) {
     return {std::move(lattice), std::move(nodes), execution};
   }
+  /// The same field over the same mesh, of which `scale` was the unit, and is 1 now; and the other way round.
+  static SizingField scaled(const SizingField& field, const MeshScale& scale) {
+    return of_scale(field, field.scale_.in(scale));
+  }
+  static SizingField back(const SizingField& field, const MeshScale& scale) {
+    return of_scale(field, field.scale_.in(MeshScale().in(scale)));
+  }
+  static const MeshScale& scale(const SizingField& field) { return field.scale_; }
+  static SizingField of_scale(SizingField field, const MeshScale& scale) {
+    field.scale_ = scale;
+    return field;
+  }
   static const std::shared_ptr<const SizingLattice>& lattice(const SizingField& field) { return field.lattice_; }
   static const std::vector<double>& nodes(const SizingField& field) { return *field.nodes_; }
 };

@@ -5,6 +5,7 @@
 // samples, is dropped.
 #define AMPS_OWN_SOURCE
 #include "amps/sizing.h"
+#include "amps/sizing_lattice.h"
 
 #include "amps/execution.h"
 #include "amps/kdtree.h"
@@ -438,14 +439,28 @@ void require_lfs_options(const LfsOptions& options) {
 
 }  // namespace
 
+namespace {
+
+void require_finite_lfs_point(const Vec3& point, std::ptrdiff_t i) {
+  if (point.allFinite()) return;
+  throw Error(ErrorCode::kInvalidArgument, "lfs: point " + std::to_string(i) + " (0-based) is not finite; remove it");
+}
+
+}  // namespace
+
 std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options,
                                        const Execution& execution) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    for (std::ptrdiff_t i = 0; i < points.rows(); ++i) require_finite_lfs_point(points[i], i);
+    std::vector<double> result = local_feature_size(scale.mesh(mesh), scale.points(points), options, execution);
+    scale.back(result);
+    return result;
+  }
   const Execution job = execution.start(kLfsStage);
   require_usable(mesh, job.part(0, 0.02));
   require_lfs_options(options);
   for (std::ptrdiff_t i = 0; i < points.rows(); ++i) {
-    if (points[i].allFinite()) continue;
-    throw Error(ErrorCode::kInvalidArgument, "lfs: point " + std::to_string(i) + " (0-based) is not finite; remove it");
+    require_finite_lfs_point(points[i], i);
   }
   const MedialAxis axis(mesh, options, job.part(0.02, kAxisEnd));
   std::vector<double> result(static_cast<std::size_t>(points.rows()));
@@ -460,6 +475,9 @@ std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& p
 }
 
 SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options, const Execution& execution) {
+  if (const detail::MeshScale scale(mesh); !scale.is_one()) {
+    return detail::SizingFieldAccess::back(lfs_sizing(scale.mesh(mesh), options, execution), scale);
+  }
   const Execution job = execution.start(kLfsStage);
   require_usable(mesh, job.part(0, 0.02));
   require_lfs_options(options);

@@ -3,6 +3,7 @@
 
 #include "amps/execution.h"
 #include "amps/mesh_edges.h"
+#include "amps/mesh_scale.h"
 #include "amps/spatial_sort.h"
 
 #include <algorithm>
@@ -513,10 +514,9 @@ void require_distance_options(const DistanceOptions& options) {
   }
 }
 
-/// Both meshes without isolated vertices, times one power of two that brings their coordinates below 1: no square overflows or
-/// is lost, and results at any such scale are the same bits.
+/// Both meshes without isolated vertices, in one unit.
 struct ScaledMeshes {
-  double scale;
+  detail::MeshScale scale;
   Mesh first, second;
 
   ScaledMeshes(const MeshView& a, const MeshView& b, const Execution& execution) {
@@ -524,16 +524,14 @@ struct ScaledMeshes {
     require_usable(b, execution.part(0.25, 0.5));
     first = remove_isolated_vertices(a, execution.part(0.5, 0.75));
     second = remove_isolated_vertices(b, execution.part(0.75, 1));
-    int exponent = 0;
-    std::frexp(std::max(first.vertices.map().cwiseAbs().maxCoeff(), second.vertices.map().cwiseAbs().maxCoeff()), &exponent);
-    scale = std::ldexp(1.0, -std::clamp(exponent, -1022, 1022));
-    first.vertices.map() *= scale;
-    second.vertices.map() *= scale;
+    scale = detail::MeshScale(first, second);
+    if (scale.is_one()) return;
+    for (Mesh* mesh : {&first, &second}) mesh->vertices = scale.points(mesh->vertices);
   }
 
   void unscale(OneSidedDistance& d) const {
-    for (double* value : {&d.hausdorff, &d.hausdorff_lower, &d.mean, &d.rms, &d.mean_error, &d.rms_error}) *value /= scale;
-    d.farthest.position /= scale;
+    for (double* value : {&d.hausdorff, &d.hausdorff_lower, &d.mean, &d.rms, &d.mean_error, &d.rms_error}) scale.back(*value);
+    d.farthest.position *= scale.unit();
   }
 };
 
@@ -577,7 +575,7 @@ DistanceReport surface_distance(const MeshView& first, const MeshView& second, c
   report.backward = measure_one_side(meshes.second, meshes.first, report.diagonal, options, shares.part(2));
   meshes.unscale(report.forward);
   meshes.unscale(report.backward);
-  report.diagonal /= meshes.scale;
+  meshes.scale.back(report.diagonal);
   job.finish();
   return report;
 }

@@ -27,8 +27,9 @@
 // result. Memory: 33 bytes a cell (6.7 cells a point in a volume, 2.5 on a sphere, 17 for random points on a torus) and 41
 // bytes a point, 4 more for each once points hide; 300 bytes a point in a volume at its peak.
 //
-// Limits. 2^29 cells. Any finite doubles. Degenerate sets (all points on one plane, line or point) have no cells; dimension()
-// says so, and insertion goes on from there.
+// Limits. 2^29 cells. Any finite doubles, but beyond 1e±25 the filters of predicates decide little, and all takes up to a
+// thousand times as long: scale such sets by a power of two, as amps does with meshes (sampling.h). Degenerate sets (all points
+// on one plane, line or point) have no cells; dimension() says so, and insertion goes on from there.
 //
 // Const members that take an Execution throw Error(kCancelled) when cancelled.
 //

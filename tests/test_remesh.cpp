@@ -257,18 +257,48 @@ TEST_CASE("remesh: facets of the input that are turned over do not show in the o
     Rng rng(seed);
     return flipped_where(mesh, [&](Index) { return rng.uniform() < share; });
   };
-  for (const double share : {0.1, 0.3, 0.5}) {
+  for (const double share : {0.1, 0.3, 0.5, 0.9}) {
     CAPTURE(share);
     for (const Mesh& mesh : {amps::make_sphere(1280), amps::make_torus(), amps::make_cube(4)}) {
       const double radius = radius_for(mesh, 2000);
       const RemeshResult turned = amps::remesh(flipped(mesh, share, 7), plain(with_radius(radius)));
       check_remeshed(mesh, turned, radius);
       CHECK(turned.report.output.inconsistent_edges == 0);
-      // Half of them leave no majority to go by.
-      if (share < 0.5) CHECK(signed_volume(turned.mesh) == doctest::Approx(signed_volume(mesh)).epsilon(0.1));
+      // Whatever the majority.
+      CHECK(signed_volume(turned.mesh) == doctest::Approx(signed_volume(mesh)).epsilon(0.1));
     }
   }
   CHECK(signed_volume(amps::remesh(inside_out(amps::make_sphere(1280)), plain(with_radius(0.1))).mesh) < -4);
+}
+
+TEST_CASE("remesh: closed components whose facets disagree get a positive volume; others keep their majority") {
+  // 44_cube_7_flipped.obj: 7 of 12 facets are turned over; and 11 of 12 of a cube beside it.
+  const Mesh cube = amps::make_cube(1);
+  const Mesh seven = flipped_where(cube, [](Index f) { return f < 7; });
+  const Mesh eleven = flipped_where(moved(cube, {3, 0, 0}), [](Index f) { return f < 11; });
+  const Mesh inward = inside_out(moved(cube, {6, 0, 0}));
+  const double volume = signed_volume(cube);
+  const Mesh mesh = joined(joined(seven, eleven), inward);
+  const RemeshResult result = amps::remesh(mesh, plain(with_radius(0.1)));
+  const amps::Mesh by_space = amps::restricted_triangulation(mesh, result.samples);
+  const amps::Mesh by_surface =
+      amps::restricted_triangulation(mesh, result.samples, {}, amps::Neighborhood::kSurface, result.graph.get());
+  for (const Mesh* made : {&result.mesh, &by_space, &by_surface}) {
+    std::array<double, 3> volumes{};
+    for (Index t = 0; t < MeshView(*made).num_facets(); ++t) {
+      const Vec3 a = MeshView(*made).corner(t, 0), b = MeshView(*made).corner(t, 1), c = MeshView(*made).corner(t, 2);
+      volumes[a.x() > 4.5 ? 2 : a.x() > 1.5 ? 1 : 0] += a.dot(b.cross(c)) / 6;
+    }
+    CHECK(volumes[0] == doctest::Approx(volume).epsilon(0.1));
+    CHECK(volumes[1] == doctest::Approx(volume).epsilon(0.1));
+    CHECK(volumes[2] == doctest::Approx(-volume).epsilon(0.1));
+  }
+  // An open one has no volume: the majority stays.
+  const Mesh square = amps::make_square(4);
+  const Mesh most_down = flipped_where(square, [](Index f) { return f % 3 != 0; });
+  const amps::RemeshResult down = amps::remesh(most_down, plain(with_radius(0.1)));
+  CHECK(down.report.output.inconsistent_edges == 0);
+  CHECK(amps::facet_normals(down.mesh)(0, 2) * amps::facet_normals(square)(0, 2) < 0);
 }
 
 TEST_CASE("remesh: each component is turned by itself") {
