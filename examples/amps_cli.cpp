@@ -12,6 +12,7 @@
 #include "cli_files.h"
 #include "cli_keep.h"
 #include "cli_output.h"
+#include "cli_page.h"
 #include "cli_report.h"
 #include "cli_sizing.h"
 #include "cli_watch.h"
@@ -38,7 +39,7 @@ constexpr int kExitShape = 4;
 constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as a shell reports it
 
 /// Where the parts of a command end, of its time: rough, since it depends on input and options.
-constexpr double kRead = 0.03, kMarked = 0.04, kSized = 0.25, kSampled = 0.85, kWorked = 0.96;
+constexpr double kRead = 0.03, kMarked = 0.04, kSized = 0.25, kSampled = 0.85, kWorked = 0.96, kReported = 0.25;
 
 /// --neighborhood
 amps::Neighborhood neighborhood_of(const Arguments& arguments, amps::Neighborhood standard) {
@@ -156,6 +157,9 @@ amps::Fit fit_of(const Arguments& arguments) {
   throw arguments.error("--fit " + how + ": name none, normal or free");
 }
 
+/// A file without its folder.
+std::string shown_name(const std::string& path) { return fs::path(path).filename().string(); }
+
 int run_remesh(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments, true);
   amps::RemeshOptions options;
@@ -167,7 +171,8 @@ int run_remesh(const Arguments& arguments) {
   require_mesh_output(arguments, arguments.operand(1));
   if (arguments.has("--samples")) require_sample_output(arguments, arguments.text("--samples"));
   if (arguments.has("--json")) require_writable(arguments, arguments.text("--json"));
-  require_distinct(arguments, arguments.operand(1), {"--samples", "--convergence", "--json"});
+  if (arguments.has("--report")) require_writable(arguments, arguments.text("--report"));
+  require_distinct(arguments, arguments.operand(1), {"--samples", "--convergence", "--json", "--report"});
 
   const Stopwatch total;
   Watch watch(arguments.quiet(), options.sampling.execution.threads);
@@ -178,21 +183,22 @@ int run_remesh(const Arguments& arguments) {
   options.sampling.sizing = make_sizing(sizing, mesh, watch.part(kMarked, sized));
   options.max_error = error_of(sizing, mesh);
   const double seconds_sizing = total.seconds() - seconds_read;
-  options.sampling.execution = watch.part(sized, kWorked);
+  const bool reports = arguments.has("--report");
+  const double worked = reports ? kWorked - kReported : kWorked;
+  options.sampling.execution = watch.part(sized, worked);
   const Stopwatch work;
   const amps::RemeshResult result = amps::remesh(mesh, options);
   watch.check(result.status);
   const double seconds_work = work.seconds();
   const Stopwatch write;
   // An interruption leaves all files as they were, or, once the first is in place, none: the others are then written too.
-  write_result(arguments.operand(1), result, watch.part(kWorked, 1));
+  write_result(arguments.operand(1), result, watch.part(worked, worked + 1 - kWorked));
   if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
   if (arguments.has("--convergence")) {
     std::ostringstream convergence;
     amps::write_convergence(convergence, result.report.optimization);
     write_file(arguments.text("--convergence"), convergence.str());
   }
-  watch.finish();
   const double seconds_write = write.seconds();
 
   const amps::RemeshReport& report = result.report;
@@ -232,34 +238,49 @@ int run_remesh(const Arguments& arguments) {
   add_seconds(json, seconds);
   write_json(arguments, json);
 
-  const Table table(arguments.quiet());
-  table.row("", "input", "output");
-  const amps::Index asked = options.sampling.target_count;
-  std::string vertices = std::to_string(result.mesh.vertices.rows());
-  if (asked > 0) vertices += " of " + number(asked) + " asked for";
-  table.row("vertices", number(report.input.vertices), vertices);
-  table.row("triangles", number(report.input.facets), number(report.output.facets));
-  print_topology(table, report.input, report.output);
-  print_certificate(table, report.certificate);
-  print_curves(table, report.curves);
-  print_crossings(table, report);
-  if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
-  print_radii(table, result.samples);
-  print_optimization(table, options.optimization, report.optimization);
-  print_fit(table, options.fit, report.fit);
-  print_error(table, options.max_error, report);
-  print_quality(table, report.quality, radius);
-  print_maximality(table, report.maximality);
-  print_unfilled(table, report.sampling);
-  print_seconds(table, seconds);
-  const std::string lost = amps::lost_shape(report);
-  if (!lost.empty()) return complain(lost, kExitShape);
-  if (options.max_error > 0 && !(report.hausdorff_bound <= options.max_error)) {
-    return complain(format("the result is up to %.6g from the input, %.6g was asked for; take a larger --error",
-                           report.hausdorff_bound, options.max_error),
-                    kExitShape);
+  const auto tell = [&](const Table& table) {
+    table.row("", "input", "output");
+    const amps::Index asked = options.sampling.target_count;
+    std::string vertices = std::to_string(result.mesh.vertices.rows());
+    if (asked > 0) vertices += " of " + number(asked) + " asked for";
+    table.row("vertices", number(report.input.vertices), vertices);
+    table.row("triangles", number(report.input.facets), number(report.output.facets));
+    print_topology(table, report.input, report.output);
+    print_certificate(table, report.certificate);
+    print_curves(table, report.curves);
+    print_crossings(table, report);
+    if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
+    print_radii(table, result.samples);
+    print_optimization(table, options.optimization, report.optimization);
+    print_fit(table, options.fit, report.fit);
+    print_error(table, options.max_error, report);
+    print_quality(table, report.quality, radius);
+    print_maximality(table, report.maximality);
+    print_unfilled(table, report.sampling);
+    print_seconds(table, seconds);
+  };
+  std::string lost = amps::lost_shape(report);
+  if (lost.empty() && options.max_error > 0 && !(report.hausdorff_bound <= options.max_error)) {
+    lost = format("the result is up to %.6g from the input, %.6g was asked for; take a larger --error", report.hausdorff_bound,
+                  options.max_error);
   }
-  return kExitDone;
+  if (reports) {
+    const Table table(true);
+    tell(table);
+    const PageContent content{mesh,
+                              result,
+                              options.sampling.neighborhood,
+                              shown_name(arguments.operand(0)),
+                              shown_name(arguments.operand(1)),
+                              arguments.command_line(),
+                              lost,
+                              table,
+                              seconds};
+    write_file(arguments.text("--report"), report_page(content, watch.part(worked + 1 - kWorked, 1)));
+  }
+  watch.finish();
+  tell(Table(arguments.quiet()));
+  return lost.empty() ? kExitDone : complain(lost, kExitShape);
 }
 
 int run_curves(const Arguments& arguments) {
@@ -561,6 +582,7 @@ const std::vector<Command>& commands() {
         {"--fit", "HOW", "vertices leave the surface so that triangles lie closer to it: none (default), normal or free"},
         {"--iterations", "N", "stop optimising after so many visits to all that is bad"},
         {"--convergence", "FILE", "write the course of optimisation as CSV"},
+        {"--report", "FILE", "write a page (.html) of IN and OUT side by side, to be turned, with charts and this table"},
         kSeed,
         kThreads,
         {"--samples", "FILE", "write the vertices as a sample set too (.xyzr .ply .csv)"},

@@ -56,13 +56,13 @@
     return new Type(buffer.buffer);
   }
 
-  const views = data.views.map((view) => ({
+  const views = [data.input, data.output].map((view) => ({
     positions: decoded(view.positions, Float32Array),  // by vertex, in half diagonals of the input's box, around its middle
     indices: decoded(view.indices, Uint32Array),
-    valences: decoded(view.valences, Uint8Array),    // by vertex
-    radii: decoded(view.radii, Float32Array),        // by vertex; none of the input
-    distances: decoded(view.distances, Float32Array),  // by triangle
-    curves: decoded(view.curves, Uint32Array),       // pairs of vertices
+    valences: decoded(view.valences, Uint8Array),       // by vertex
+    radii: decoded(view.radii, Float32Array),          // by vertex, 0 to 1 over data.radius; none of the input
+    distances: decoded(view.distances, Float32Array),  // by triangle, 0 to 1 over data.distance; below 0: not known
+    curves: decoded(view.curves, Uint32Array),         // pairs of vertices
   }));
   const gaps = decoded(data.gaps, Float32Array);  // three corners a triangle
 
@@ -102,8 +102,7 @@
 
   // --- Colourings: numbers by corner, from 0 to 1 or a class; below 0: none ----------------------------------------------
 
-  const kNone = -1;
-  const scaled = (x, [low, high]) => high > low ? Math.max(0, Math.min(1, (x - low) / (high - low))) : 0.5;
+  const scaled = (x, [low, high]) => Math.max(0, Math.min(1, (x - low) / (high - low)));
   const byVertex = (view, value) => Float32Array.from(view.indices, (v) => value(v));
   const byTriangle = (values, value) => {
     const result = new Float32Array(3 * values.length);
@@ -126,10 +125,10 @@
     largest: angleColouring('largest', 'Largest angle of a triangle, degrees', [60, 180]),
     radius: {
       palette: continuousPalette(kViridis),
-      values: (view) => view.radii.length === 0 ? null : byVertex(view, (v) => scaled(view.radii[v], data.radius)),
-      legend: () => data.radius[0] === data.radius[1] ?
-          note(`All disks of the output have one radius: ${shown(data.radius[0])}. The input has no disks.`) :
-          barLegend('Radius of the disk around a vertex of the output', data.radius),
+      values: (view) => view.radii.length === 0 ? null : byVertex(view, (v) => view.radii[v]),
+      legend: () => data.radius.low === data.radius.high ?
+          note(`All disks of the output have one radius: ${shown(data.radius.low)}. The input has no disks.`) :
+          barLegend('Radius of the disk around a vertex of the output', [data.radius.low, data.radius.high]),
     },
     gaps: {
       gaps: true,
@@ -139,9 +138,9 @@
     },
     distance: {
       palette: continuousPalette(kViridis),
-      values: (view) => byTriangle(view.distances, (d) => scaled(d, data.distance)),
-      legend: () => barLegend('Distance to the other mesh, the greatest of seven points of a triangle, in % of the diagonal',
-          data.distance.map((d) => 100 * d / data.diagonal)),
+      values: (view) => byTriangle(view.distances, (d) => d),
+      legend: () => barLegend('Distance to the other mesh, the greatest of seven points of a triangle, in % of the diagonal; ' +
+          `one in a hundred triangles is beyond the scale, at most at ${shown(data.distance.farthest)} %`, [0, data.distance.high]),
     },
   };
 
@@ -385,11 +384,9 @@
     const toEye = [...u, 0, ...v, 0, ...w, 0, camera.x, camera.y, -distance, 1];
     const reach = 1.2 + Math.hypot(camera.x, camera.y);
     const near = Math.max(distance - reach, 0.02 * distance), far = distance + reach;
-    const f = 1 / Math.tan(kFieldOfView / 2) / Math.min(1, width / height);
-    const toClip = [f * Math.min(1, width / height) * height / width, 0, 0, 0, 0, f * Math.min(1, width / height), 0, 0,
-      0, 0, (near + far) / (near - far), -1, 0, 0, 2 * near * far / (near - far), 0];
-    const fit = Math.min(1, width / height);  // the sphere fits the shorter side
-    toClip[0] *= fit, toClip[5] *= fit;
+    const f = Math.min(1, width / height) / Math.tan(kFieldOfView / 2);  // the sphere fits the shorter side
+    const toClip = [f * height / width, 0, 0, 0, 0, f, 0, 0, 0, 0, (near + far) / (near - far), -1, 0, 0,
+      2 * near * far / (near - far), 0];
     return {toEye, toClip};
   }
 
