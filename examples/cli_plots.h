@@ -121,7 +121,7 @@ class Plot {
   }
 
  private:
-  static constexpr double kLeft = 38, kRight = 394, kTop = 18, kBottom = 182, kBarGap = 0.4;
+  static constexpr double kLeft = 38, kRight = 386, kTop = 18, kBottom = 182, kBarGap = 0.4;
 
   static double edge_of(const Histogram& histogram, std::size_t bin) {
     return histogram.low() +

@@ -230,9 +230,10 @@
         vec3 perPixel = fwidth(corner);
         vec3 pixels = corner / perPixel;  // to the three sides
         float height = 1.0 / max(perPixel.x, max(perPixel.y, perPixel.z));  // of the triangle, in pixels
-        float line = 1.0 - smoothstep(0.4, 1.3, min(pixels.x, min(pixels.y, pixels.z)));
-        // Where triangles are as small as their edges are wide, edges would be all that is seen.
-        colour.rgb = mix(colour.rgb, edgeColour, 0.75 * line * smoothstep(1.5, 9.0, height));
+        // Half of a line's width: a share of the triangle, so that meshes of any size are as dark; below a pixel it fades.
+        float width = min(0.12 * height, 0.9);
+        float line = 1.0 - smoothstep(width - 0.5, width + 0.7, min(pixels.x, min(pixels.y, pixels.z)));
+        colour.rgb = mix(colour.rgb, edgeColour, 0.75 * line * min(1.0, 1.6 * width));
       }
     }`;
   // A segment is four corners of a strip, as wide on screen as is asked for.
@@ -338,7 +339,7 @@
   // --- The camera, of both views -----------------------------------------------------------------------------------------
 
   const kFieldOfView = 24 * Math.PI / 180;
-  const kDistance = 0.93 / Math.sin(kFieldOfView / 2);  // the box's sphere, of radius 1, fills a view
+  const kDistance = 0.82 / Math.sin(kFieldOfView / 2);  // the box's sphere, of radius 1, nearly fits
   const kLeastZoom = 0.2, kMostZoom = 200;
   const camera = {};
 
