@@ -297,6 +297,7 @@ inline void draw_histograms(Plot& plot, const Histogram* in, const Histogram& ou
 inline std::string convergence_plot(const amps::OptimizeReport& report) {
   const auto height = [](double n) { return std::log10(1 + n); };
   std::vector<std::pair<double, double>> triangles, vertices;
+  constexpr double kHeadroom = 1.3;  // for the key
   double most = 0;
   for (const amps::OptimizeIteration& now : report.iterations) {
     const auto sweep = static_cast<double>(triangles.size());
@@ -305,10 +306,9 @@ inline std::string convergence_plot(const amps::OptimizeReport& report) {
     most = std::max({most, triangles.back().second, vertices.back().second});
   }
   const double last = std::max(1.0, static_cast<double>(triangles.size() - 1));
-  Plot plot(format("Convergence: bad triangles and vertices by sweep, in %.3g s", report.iterations.back().seconds), 0, last,
-            1.08 * most);
+  Plot plot(format("Convergence: what is bad, by sweep (%.3g s)", report.iterations.back().seconds), 0, last, kHeadroom * most);
   Plot::Ticks counts{{0, "0"}};
-  for (double n = 1; height(n) <= 1.08 * most; n *= 10) counts.emplace_back(height(n), format("%g", n));
+  for (double n = 1; height(n) <= kHeadroom * most; n *= 10) counts.emplace_back(height(n), format("%g", n));
   Plot::Ticks sweeps;
   for (const auto& tick : round_ticks(last)) {
     if (tick.first == std::floor(tick.first)) sweeps.push_back(tick);
@@ -334,8 +334,7 @@ inline std::string charts(const PageContent& content, const MeshData& in, const 
     Plot plot("Angles: share of corners, by 3 degrees", 0, 180, high);
     Plot::Ticks degrees;
     for (int a = 0; a <= 180; a += 30) degrees.emplace_back(a, std::to_string(a));
-    frame(plot, high, degrees,
-          optimized ? "degrees; dashed: the bounds of optimisation" : "degrees; dashed: the bounds of one radius");
+    frame(plot, high, degrees, optimized ? "degrees; dashed: bounds asked for" : "degrees; dashed: bounds of one radius");
     draw_histograms(plot, &before, after);
     plot.bound(optimized ? optimization.min_angle : 30);
     plot.bound(optimized ? optimization.max_angle : 120);
@@ -354,9 +353,9 @@ inline std::string charts(const PageContent& content, const MeshData& in, const 
   {
     const Histogram edges = edge_histogram(content.result);
     const double high = 1.1 * edges.greatest_percent();
-    Plot plot("Edges of the output over r, the greater radius of their ends", 0.5, 2.5, high);
+    Plot plot("Edges of the output over r", 0.5, 2.5, high);
     frame(plot, high, {{0.5, "0.5"}, {1, "1"}, {1.5, "1.5"}, {2, "2"}, {2.5, "2.5"}},
-          "length / r; dashed: the bounds of one radius");
+          "length / greater radius of its ends; dashed: bounds");
     draw_histograms(plot, nullptr, edges);
     plot.bound(1);
     plot.bound(2);
@@ -386,15 +385,12 @@ inline std::string table_text(const Table& table) {
 }
 
 inline std::string seconds_text(const Seconds& seconds) {
-  constexpr double kWidest = 18;  // rem
   double most = 0;
   for (const auto& [stage, s] : seconds) most = std::max(most, s);
   std::string text = "<table id=\"seconds\">\n";
   for (const auto& [stage, s] : seconds) {
-    text += format(
-        "<tr><th scope=\"row\">%s</th><td class=\"number\">%.3f</td><td><span class=\"share\" "
-        "style=\"width:%.2frem\"></span></td></tr>\n",
-        stage, s, most > 0 ? kWidest * s / most : 0);
+    text += format("<tr><th scope=\"row\">%s</th><td class=\"number\">%.3f</td>", stage, s) +
+            format("<td><span class=\"share\" style=\"width:%.1f%%\"></span></td></tr>\n", most > 0 ? 100 * s / most : 0);
   }
   return text + "</table>";
 }

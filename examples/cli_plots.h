@@ -116,12 +116,12 @@ class Plot {
 
   std::string text() const {
     return R"(<figure class="chart"><figcaption>)" + html(title_) +
-           R"(</figcaption><svg viewBox="0 0 400 220" role="img" aria-label=")" + html(title_) + R"(">)" + axes_ + marks_ +
+           R"(</figcaption><svg viewBox="0 0 320 220" role="img" aria-label=")" + html(title_) + R"(">)" + axes_ + marks_ +
            format(R"(<path class="axis" d="M%.1f %.1fV%.1fH%.1f"/>)", kLeft, kTop, kBottom, kRight) + "</svg></figure>\n";
   }
 
  private:
-  static constexpr double kLeft = 38, kRight = 386, kTop = 18, kBottom = 182, kBarGap = 0.4;
+  static constexpr double kLeft = 38, kRight = 308, kTop = 18, kBottom = 182, kBarGap = 0.4;
 
   static double edge_of(const Histogram& histogram, std::size_t bin) {
     return histogram.low() +

@@ -91,7 +91,7 @@ class Browser:
                     raise RuntimeError(method + ": " + answer["error"]["message"])
                 return answer["result"]
 
-    def open(self, path, width=1000, height=1400):
+    def open(self, path, width=700, height=850):
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
         self.events.clear()
         self.call("Page.navigate", url="file://" + os.path.abspath(path))
@@ -105,8 +105,9 @@ class Browser:
         return answer["result"].get("value")
 
     def settle(self):
-        """Until what was asked for is drawn."""
-        self.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        """Until what was asked for is drawn, as sharp as it gets."""
+        self.run("new Promise((done) => { const look = () => document.getElementById('canvas').dataset.sharp === 'yes' ?"
+                 " requestAnimationFrame(done) : requestAnimationFrame(look); look(); })")
 
     def box(self, selector):
         return self.run("(() => { const r = document.querySelector('%s').getBoundingClientRect();"
@@ -116,8 +117,9 @@ class Browser:
         """The pixels of an element: rows of bytes r, g, b."""
         self.settle()
         x, y, width, height = self.box(selector)
+        left, top = self.run("[scrollX, scrollY]")
         shot = self.call("Page.captureScreenshot", format="png",
-                         clip={"x": x, "y": y, "width": width, "height": height, "scale": 1})
+                         clip={"x": x + left, "y": y + top, "width": width, "height": height, "scale": 1})
         return pixels_of(base64.b64decode(shot["data"]))
 
     def click(self, selector):
@@ -251,6 +253,8 @@ def test_controls(browser, path):
 
     legends = set()
     for name in ["valence", "smallest", "largest", "distance", "shape"]:
+        if name != "shape":
+            colour_by(browser, "shape")
         changes(lambda: colour_by(browser, name), "colour by " + name)
         legends.add(browser.run("document.getElementById('legend').textContent"))
     for name in ["radius", "gaps"]:
@@ -327,7 +331,7 @@ def test_looks(browser, path):
 def test_gaps(browser, path, folder):
     """`remesh` leaves none, so one is put into the data: a triangle before the middle of the model."""
     text = open(path, encoding="utf-8").read()
-    gap = struct.pack("<9f", -0.5, -0.5, 2, 0.5, -0.5, 2, 0, 0.5, 2)
+    gap = struct.pack("<9f", -0.5, -0.5, 0.9, 0.5, -0.5, 0.9, 0, 0.5, 0.9)
     text, n = re.subn(r'"gaps": "[^"]*"', '"gaps": "%s"' % base64.b64encode(gap).decode(), text)
     check(n == 1, "the data have no gaps")
     changed_path = os.path.join(folder, "gaps.html")

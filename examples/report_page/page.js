@@ -116,10 +116,10 @@
       classes: true,
       palette: classPalette(kValences.map((c) => c.colour)),
       values: (view) => byVertex(view, (v) => kValences.findIndex((c) => c.has(view.valences[v]))),
-      legend: () => classLegend('Neighbours of a vertex; its cell is coloured', kValences.map((c) => ({
+      legend: () => classLegend('Neighbours of a vertex, which colour what is nearest to it; vertices of input → output', kValences.map((c) => ({
         ...c,
         counts: views.map((view) => view.valences.reduce((sum, d) => sum + (c.has(d) ? 1 : 0), 0)),
-      }))),
+      })).filter((c) => c.counts.some((n) => n > 0))),
     },
     smallest: angleColouring('smallest', 'Smallest angle of a triangle, degrees', [0, 60]),
     largest: angleColouring('largest', 'Largest angle of a triangle, degrees', [60, 180]),
@@ -211,6 +211,7 @@
     uniform sampler2D palette;
     uniform bool coloured, classes, edges;
     uniform vec3 plain, inside, edgeColour;
+    uniform float scale;  // pixels of the canvas in one of the page
     out vec4 colour;
     void main() {
       vec3 base = gl_FrontFacing ? plain : inside;
@@ -231,8 +232,8 @@
         vec3 pixels = corner / perPixel;  // to the three sides
         float height = 1.0 / max(perPixel.x, max(perPixel.y, perPixel.z));  // of the triangle, in pixels
         // Half of a line's width: a share of the triangle, so that meshes of any size are as dark; below a pixel it fades.
-        float width = min(0.12 * height, 0.9);
-        float line = 1.0 - smoothstep(width - 0.5, width + 0.7, min(pixels.x, min(pixels.y, pixels.z)));
+        float width = min(0.12 * height, 0.6 * scale);
+        float line = 1.0 - smoothstep(width - 0.5, width + 0.6, min(pixels.x, min(pixels.y, pixels.z)));
         colour.rgb = mix(colour.rgb, edgeColour, 0.75 * line * min(1.0, 1.6 * width));
       }
     }`;
@@ -265,7 +266,7 @@
     element('no-webgl').hidden = false;
   }
 
-  const gl = views.every((view) => view.indices.length === 0) ? null : canvas.getContext('webgl2', {antialias: true});
+  const gl = views.every((view) => view.indices.length === 0) ? null : canvas.getContext('webgl2', {antialias: false});
   if (!gl) {
     giveUp(views.every((view) => view.indices.length === 0) ? data.notDrawn : kNoWebgl);
     return;
@@ -339,7 +340,7 @@
   // --- The camera, of both views -----------------------------------------------------------------------------------------
 
   const kFieldOfView = 24 * Math.PI / 180;
-  const kDistance = 0.82 / Math.sin(kFieldOfView / 2);  // the box's sphere, of radius 1, nearly fits
+  const kDistance = 0.9 / Math.sin(kFieldOfView / 2);  // the box's sphere, of radius 1, nearly fits
   const kLeastZoom = 0.2, kMostZoom = 200;
   const camera = {};
 
@@ -398,9 +399,18 @@
   const dark = matchMedia('(prefers-color-scheme: dark)');
   const shade = (hex) => rgb(hex).map((x) => x / 255);
 
-  let pending = 0;
+  // While something moves, a pixel of the canvas is one of the screen; at rest it is half as wide, in place of the driver's
+  // antialiasing, which takes eight times as long on software renderers.
+  const kRestMilliseconds = 150, kFinestScale = 3;
+  let pending = 0, resting = 0;
   function redraw() {
-    if (pending === 0) pending = requestAnimationFrame(draw);
+    canvas.dataset.sharp = 'no';
+    clearTimeout(resting);
+    resting = setTimeout(() => {
+      if (pending !== 0) cancelAnimationFrame(pending);
+      pending = requestAnimationFrame(() => draw(true));
+    }, kRestMilliseconds);
+    if (pending === 0) pending = requestAnimationFrame(() => draw(false));
   }
 
   function setColouring() {
@@ -438,9 +448,10 @@
     gl.drawArrays(gl.TRIANGLES, 0, triangles.count);
   }
 
-  function draw() {
+  function draw(sharp) {
     pending = 0;
-    const scale = Math.min(window.devicePixelRatio || 1, 2);
+    if (sharp) canvas.dataset.sharp = 'yes';
+    const scale = Math.min((window.devicePixelRatio || 1) * (sharp ? 2 : 1), kFinestScale);
     const outer = canvas.getBoundingClientRect();
     const [width, height] = [outer.width, outer.height].map((x) => Math.max(1, Math.round(x * scale)));
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
@@ -461,6 +472,7 @@
         gl.uniformMatrix4fv(uniforms.toClip, false, toClip);
       }
       gl.useProgram(meshProgram.program);
+      gl.uniform1f(meshProgram.uniforms.scale, scale);
       drawTriangles(view.triangles, {
         coloured: view.coloured,
         classes: colouring.classes === true,
@@ -523,7 +535,7 @@
   }, {passive: false});
 
   stage.addEventListener('keydown', (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.ctrlKey || event.altKey || event.metaKey) return;  // the browser's own
     const direction = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]}[event.key];
     if (direction && event.shiftKey) move(kMoveAKey * direction[0], -kMoveAKey * direction[1]);
     else if (direction) turn(kDegreesAKey * direction[0], kDegreesAKey * direction[1]);
