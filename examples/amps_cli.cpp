@@ -137,6 +137,8 @@ int complain(std::string message, int code = kExitTrouble) {
   if (message.compare(0, 4, "amps") != 0) message = "amps: " + message;
   std::replace_if(
       message.begin(), message.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  const std::size_t prefix = std::min(message.find(':'), message.size());
+  message.replace(0, prefix, in_colour(kTroubleColour, message.substr(0, prefix)));
   std::fprintf(stderr, "%s\n", message.c_str());
   return code;
 }
@@ -653,21 +655,27 @@ void print_help() {
               AMPS_VERSION_MINOR, AMPS_VERSION_PATCH);
   std::printf("usage: amps COMMAND ...\n\n");
   for (const Command& command : commands()) {
-    std::printf("  %-28s %s\n", (std::string(command.name) + " " + command.operands).c_str(), command.summary);
+    std::printf("  %-24s %s\n", (std::string(command.name) + " " + command.operands).c_str(), command.summary);
   }
-  std::printf("\n'amps COMMAND --help' tells the options of a command, 'amps --version' the version.\n");
-  std::printf(
-      "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape or missed --error, 130 "
-      "interrupted.\n");
+  std::printf("\n'amps COMMAND --help' tells the options of a command, --version the version.\n");
+  std::printf("%s\n",
+              wrapped("Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape "
+                      "or missed --error, 130 interrupted.",
+                      0, 0)
+                  .c_str());
 }
 
 void print_help(const Command& command) {
+  constexpr std::size_t kHelpColumn = 21;
+  std::string details = command.details;  // its lines are those of the source
+  std::replace(details.begin(), details.end(), '\n', ' ');
   std::printf("usage: amps %s %s [options]\n\n%s: %s.\n%s\n\n", command.name, command.operands, command.name, command.summary,
-              command.details);
+              wrapped(details, 0, 0).c_str());
   for (const std::vector<Option>& group : {command.options, common_options()}) {
     for (const Option& option : group) {
       const std::string name = option.value == nullptr ? option.name : std::string(option.name) + " " + option.value;
-      std::printf("  %-18s %s\n", name.c_str(), option.help);
+      std::printf("  %-18s %s\n", name.c_str(),
+                  wrapped(option.help, std::max(kHelpColumn, name.size() + 3), kHelpColumn).c_str());
     }
   }
 }

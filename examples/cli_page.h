@@ -272,7 +272,7 @@ inline Histogram valence_histogram(const std::vector<std::uint8_t>& valences) {
 
 /// Of edges over the greater radius of their ends; an inner edge counts twice, as it does in the mean over triangles.
 inline Histogram edge_histogram(const amps::RemeshResult& result) {
-  Histogram histogram(0.5, 2.5, 60);
+  Histogram histogram(0.5, 3, 75);
   const amps::MeshView view(result.mesh);
   for (amps::Index t = 0; t < view.num_facets(); ++t) {
     for (int k = 0; k < 3; ++k) {
@@ -353,8 +353,8 @@ inline std::string charts(const PageContent& content, const MeshData& in, const 
   {
     const Histogram edges = edge_histogram(content.result);
     const double high = 1.1 * edges.greatest_percent();
-    Plot plot("Edges of the output over r", 0.5, 2.5, high);
-    frame(plot, high, {{0.5, "0.5"}, {1, "1"}, {1.5, "1.5"}, {2, "2"}, {2.5, "2.5"}},
+    Plot plot("Edges of the output over r", 0.5, 3, high);
+    frame(plot, high, {{0.5, "0.5"}, {1, "1"}, {1.5, "1.5"}, {2, "2"}, {2.5, "2.5"}, {3, "3"}},
           "length / greater radius of its ends; dashed: bounds");
     draw_histograms(plot, nullptr, edges);
     plot.bound(1);

@@ -22,6 +22,7 @@ run() {
   "$amps" "$@" >log/out 2>log/err </dev/null || code=$?
   [ "$code" -eq "$wanted" ] || fail "amps $* returned $code, not $wanted: $(head -n 3 log/err)"
   if [ "$wanted" -ne 2 ] && [ "$wanted" -ne 4 ] && [ -s log/err ]; then fail "amps $* complains: $(cat log/err)"; fi
+  awk 'length > 80 { exit 1 }' log/out || fail "amps $* prints more than 80 columns: $(awk 'length > 80' log/out)"
   if [ "$wanted" -eq 4 ] && [ "$(wc -l <log/err)" -ne 1 ]; then fail "amps $*: not one line: $(cat log/err)"; fi
 }
 
@@ -301,6 +302,47 @@ grep -q '"status": "shape changed"' lost.json || fail "the status of an empty re
 { [ -s lost.obj ] && [ -s lost.xyzr ]; } || fail "results of a shape that is lost are not written"
 run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --quiet
 [ ! -s log/out ] || fail "--quiet prints"
+
+echo "-- a page"
+run 0 remesh box.obj "a & b.obj" --vertices 500 --report page.html
+grep -q '^<title>box.obj → a &amp; b.obj</title>$' page.html || fail "the title of a page: $(grep '<title>' page.html)"
+grep -q "<code id=\"command\">amps remesh box.obj 'a &amp; b.obj' --vertices 500 --report page.html</code>" page.html ||
+  fail "the command is not in the page"
+for name in Angles: Valences: 'Edges of the output' Convergence: 'worst coverage' triangulation 'Status: done'; do
+  grep -q "$name" page.html || fail "the page does not tell $name"
+done
+grep -q '{{\|src=\|href=\|url(' page.html && fail "the page is not whole, or refers to others"
+run 0 remesh box.obj plain.obj --vertices 500 --report plain.html --optimize none --quiet
+grep -q Convergence: plain.html && fail "convergence of nothing"
+run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --report lost.html
+grep -q 'Status: nothing of the shape is left' lost.html || fail "the page does not tell that the shape is lost"
+bad "written already" remesh torus.obj no.obj --vertices 100 --report no.obj
+bad "nowhere" remesh torus.obj no.obj --vertices 100 --report nowhere/no.html
+
+echo "-- in a terminal"
+# terminal FILE COMMAND: its output as a terminal of 80 columns gets it, without what the table has.
+terminal() { script -qec "stty cols 80; $2" "$1" >log/which 2>&1 </dev/null; }
+if script --version 2>log/which | grep -q util-linux && terminal log/typescript true; then
+  run 0 make knot large.obj --n 100000
+  work="'$amps' remesh large.obj large_out.obj --vertices 60000 --threads 1 --optimize none"
+  TERM=xterm terminal log/colours "unset NO_COLOR; $work" || fail "amps in a terminal returns $?"
+  TERM=xterm terminal log/plain "NO_COLOR=1 $work" || fail "amps in a terminal returns $?"
+  TERM=dumb terminal log/dumb "unset NO_COLOR; $work --quiet" || fail "amps in a terminal returns $?"
+  grep -q '\[#*\.*\]  *[0-9]* %  *[0-9.]* %/s  [0-9]*:[0-9][0-9] left' log/plain || fail "no rate or time left: $(tr '\r' '\n' <log/plain | head -n 30)"
+  escape=$(printf '\033')
+  grep -q "$escape" log/colours || fail "no colours in a terminal"
+  grep -q "$escape" log/plain && fail "colours with NO_COLOR"
+  grep -q '[#%]' log/dumb && fail "a bar with --quiet"
+  tr '\r' '\n' <log/plain | grep -v '^Script' | awk 'length > 80 { exit 1 }' || fail "a bar of more than 80 columns"
+  TERM=xterm terminal log/colours "unset NO_COLOR; '$amps' info missing.obj" && fail "a missing file is found"
+  grep -q "$escape" log/colours || fail "an error has no colour in a terminal"
+  TERM=xterm terminal log/colours "NO_COLOR=1 '$amps' info missing.obj" && fail "a missing file is found"
+  grep -q "$escape" log/colours && fail "an error has colours with NO_COLOR"
+  script -qec "stty cols 40; NO_COLOR= $work --quiet; '$amps' remesh box.obj narrow.obj --vertices 500" log/narrow >log/which 2>&1 </dev/null
+  tr '\r' '\n' <log/narrow | grep '%' | grep -v reached | awk '/^[a-z ]* *[0-9]* %/ && length > 40 { exit 1 }' || fail "a bar wider than its terminal"
+else
+  echo "skipped: no script(1) of util-linux"
+fi
 
 echo "-- the same seed, the same bytes"
 run 0 remesh torus.obj a.off --radius 0.1 --seed 5 --threads 1
