@@ -25,6 +25,7 @@
 #include <exception>
 #include <limits>
 #include <new>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -39,7 +40,7 @@ constexpr int kExitShape = 4;
 constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as a shell reports it
 
 /// Where the parts of a command end, of its time: rough, since it depends on input and options.
-constexpr double kRead = 0.03, kMarked = 0.04, kSized = 0.25, kSampled = 0.85, kWorked = 0.96, kReported = 0.25;
+constexpr double kRead = 0.03, kMarked = 0.04, kSized = 0.25, kSampled = 0.85, kMeasured = 0.75, kWorked = 0.96;
 
 /// --neighborhood
 amps::Neighborhood neighborhood_of(const Arguments& arguments, amps::Neighborhood standard) {
@@ -186,15 +187,21 @@ int run_remesh(const Arguments& arguments) {
   options.max_error = error_of(sizing, mesh);
   const double seconds_sizing = total.seconds() - seconds_read;
   const bool reports = arguments.has("--report");
-  const double worked = reports ? kWorked - kReported : kWorked;
+  const double worked = reports ? kMeasured : kWorked;
   options.sampling.execution = watch.part(sized, worked);
   const Stopwatch work;
   const amps::RemeshResult result = amps::remesh(mesh, options);
   watch.check(result.status);
   const double seconds_work = work.seconds();
+  const Stopwatch measure;
+  std::optional<page::Measures> measures;
+  if (reports) {
+    measures.emplace(measure_for_page(mesh, result, options.sampling.neighborhood, watch.part(worked, kWorked)));
+  }
+  const double seconds_measure = measure.seconds();
   const Stopwatch write;
   // An interruption leaves all files as they were, or, once the first is in place, none: the others are then written too.
-  write_result(arguments.operand(1), result, watch.part(worked, worked + 1 - kWorked));
+  write_result(arguments.operand(1), result, watch.part(kWorked, 1));
   if (arguments.has("--samples")) amps::write_samples(arguments.text("--samples"), result.samples);
   if (arguments.has("--convergence")) {
     std::ostringstream convergence;
@@ -216,8 +223,9 @@ int run_remesh(const Arguments& arguments) {
                                  {"remesh", report.seconds_remesh},
                                  {"fit", report.fit.seconds},
                                  {"checks", std::max(0.0, seconds_work - told)},
-                                 {"write", seconds_write},
-                                 {"total", total.seconds()}});
+                                 {"write", seconds_write}});
+  if (reports) seconds.emplace_back("report", seconds_measure);
+  seconds.emplace_back("total", total.seconds());
 
   const std::ptrdiff_t unused = result.mesh.vertices.rows() - report.output.vertices;  // on parts as thin as r
   Json json = begin_json("remesh");
@@ -269,16 +277,9 @@ int run_remesh(const Arguments& arguments) {
   if (reports) {
     const Table table(true);
     tell(table);
-    const PageContent content{mesh,
-                              result,
-                              options.sampling.neighborhood,
-                              shown_name(arguments.operand(0)),
-                              shown_name(arguments.operand(1)),
-                              arguments.command_line(),
-                              lost,
-                              table,
-                              seconds};
-    write_file(arguments.text("--report"), report_page(content, watch.part(worked + 1 - kWorked, 1)));
+    write_file(arguments.text("--report"),
+               report_page({mesh, result, shown_name(arguments.operand(0)), shown_name(arguments.operand(1)),
+                            arguments.command_line(), lost, *measures, table, seconds}));
   }
   watch.finish();
   tell(Table(arguments.quiet()));

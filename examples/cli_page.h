@@ -22,18 +22,6 @@
 #include <utility>
 #include <vector>
 
-/// What the page tells.
-struct PageContent {
-  const amps::Mesh& input;
-  const amps::RemeshResult& result;
-  amps::Neighborhood neighborhood;
-  std::string input_name, output_name;
-  std::string command;
-  std::string trouble;  ///< what of the shape or of what was asked for is missed; empty: nothing
-  const Table& table;
-  const Seconds& seconds;
-};
-
 namespace page {
 
 /// A mesh of more triangles is not drawn: some 40 bytes of file and 100 bytes of graphics memory each.
@@ -179,6 +167,28 @@ struct MeshData {
   std::vector<std::array<amps::Index, 2>> curves;
 };
 
+/// What the page has to measure.
+struct Measures {
+  MeshData in, out;
+  amps::GapSet gaps;
+};
+
+}  // namespace page
+
+/// What the page tells.
+struct PageContent {
+  const amps::Mesh& input;
+  const amps::RemeshResult& result;
+  std::string input_name, output_name;
+  std::string command;
+  std::string trouble;  ///< what of the shape or of what was asked for is missed; empty: nothing
+  const page::Measures& measures;
+  const Table& table;
+  const Seconds& seconds;
+};
+
+namespace page {
+
 inline void add_mesh(Json& json, const char* key, const MeshData& data, const Frame& frame, double most_distance,
                      const std::vector<float>& radii) {
   json.open(key);
@@ -205,8 +215,8 @@ inline void add_mesh(Json& json, const char* key, const MeshData& data, const Fr
 }
 
 /// What the viewer draws, as JSON that may stand in a script element.
-inline std::string viewer_data(const PageContent& content, const MeshData& in, const MeshData& out,
-                               const amps::Execution& execution) {
+inline std::string viewer_data(const PageContent& content) {
+  const MeshData &in = content.measures.in, &out = content.measures.out;
   const Frame frame(content.input);
   const amps::SampleSet& samples = content.result.samples;
   const RadiusRange range(samples);
@@ -223,14 +233,13 @@ inline std::string viewer_data(const PageContent& content, const MeshData& in, c
   std::string gap_text =
       format("No gaps: every point of the input lies in a disk. The worst covered one is %.6f r from its sample.",
              maximality.worst_coverage);
-  amps::GapSet gaps;
   if (!maximality.measured) {
     gap_text = "Gaps were not looked for.";
   } else if (maximality.gaps > 0) {
     gap_text = format("%d gaps of area %.3g in all: parts of the input that no disk covers", static_cast<int>(maximality.gaps),
                       maximality.gap_area);
-    gaps = amps::find_gaps(content.input, samples, execution, content.neighborhood, content.result.graph.get());
   }
+  const amps::GapSet& gaps = content.measures.gaps;
   amps::Points corners;
   corners.resize(3 * gaps.primitives.triangles.rows());
   for (std::ptrdiff_t t = 0; t < gaps.primitives.triangles.rows(); ++t) {
@@ -321,7 +330,8 @@ inline std::string convergence_plot(const amps::OptimizeReport& report) {
   return plot.text();
 }
 
-inline std::string charts(const PageContent& content, const MeshData& in, const MeshData& out) {
+inline std::string charts(const PageContent& content) {
+  const MeshData &in = content.measures.in, &out = content.measures.out;
   const amps::OptimizeReport& optimization = content.result.report.optimization;
   const bool optimized = !optimization.iterations.empty() && optimization.min_angle > 0;
   const auto frame = [](Plot& plot, double high, const Plot::Ticks& along_x, const char* x_name) {
@@ -418,15 +428,29 @@ std::string as_text(const unsigned char (&bytes)[N]) {
 
 }  // namespace page
 
-/// The whole page. Cancelled, it throws.
-inline std::string report_page(const PageContent& content, const amps::Execution& execution) {
+/// All that takes long. Both meshes are referenced, not copied. Cancelled, it throws.
+inline page::Measures measure_for_page(const amps::Mesh& input, const amps::RemeshResult& result,
+                                       amps::Neighborhood neighborhood, const amps::Execution& execution) {
+  page::Measures measures{{input, page::valences(input, execution.part(0, 0.1)), {}, {}},
+                          {result.mesh, page::valences(result.mesh, execution.part(0.1, 0.15)), {}, result.curve_edges},
+                          {}};
+  if (result.graph != nullptr) measures.in.curves = edges_of(*result.graph);
+  const amps::Execution measuring = execution.part(0.15, 0.95, "measuring distances");
+  if (input.triangles.rows() <= page::kMostDrawn) {
+    measures.in.distances = page::distances(input, result.mesh, measuring.part(0, 0.7));
+  }
+  if (result.mesh.triangles.rows() <= page::kMostDrawn) {
+    measures.out.distances = page::distances(result.mesh, input, measuring.part(0.7, 1));
+  }
+  if (result.report.maximality.gaps > 0) {
+    measures.gaps = amps::find_gaps(input, result.samples, execution.part(0.95, 1), neighborhood, result.graph.get());
+  }
+  return measures;
+}
+
+/// The whole page.
+inline std::string report_page(const PageContent& content) {
   const amps::RemeshResult& result = content.result;
-  page::MeshData in{content.input, page::valences(content.input, execution.part(0, 0.1)), {}, {}};
-  page::MeshData out{result.mesh, page::valences(result.mesh, execution.part(0.1, 0.15)), {}, result.curve_edges};
-  const amps::Execution measuring = execution.part(0.15, 0.9, "measuring distances");
-  if (in.mesh.triangles.rows() <= page::kMostDrawn) in.distances = page::distances(in.mesh, out.mesh, measuring.part(0, 0.7));
-  if (out.mesh.triangles.rows() <= page::kMostDrawn) out.distances = page::distances(out.mesh, in.mesh, measuring.part(0.7, 1));
-  if (result.graph != nullptr) in.curves = edges_of(*result.graph);
   const std::string status = content.trouble.empty() ? std::string(amps::name_of(result.status)) : content.trouble;
   const std::string version = format("%d.%d.%d", AMPS_VERSION_MAJOR, AMPS_VERSION_MINOR, AMPS_VERSION_PATCH);
   return page::filled(page::as_text(kFile_page_html), {{"VERSION", version},
@@ -436,10 +460,10 @@ inline std::string report_page(const PageContent& content, const amps::Execution
                                                        {"COMMAND", html(content.command)},
                                                        {"INPUT_CAPTION", page::caption(content.input_name, content.input)},
                                                        {"OUTPUT_CAPTION", page::caption(content.output_name, result.mesh)},
-                                                       {"CHARTS", page::charts(content, in, out)},
+                                                       {"CHARTS", page::charts(content)},
                                                        {"TABLE", page::table_text(content.table)},
                                                        {"SECONDS", page::seconds_text(content.seconds)},
-                                                       {"DATA", page::viewer_data(content, in, out, execution.part(0.9, 1))},
+                                                       {"DATA", page::viewer_data(content)},
                                                        {"STYLE", page::as_text(kFile_page_css)},
                                                        {"SCRIPT", page::as_text(kFile_page_js)}});
 }
