@@ -359,6 +359,39 @@ def test_radii(browser, path):
     is_calm(browser, "radii")
 
 
+def test_numbers(path):
+    """What the page holds against the files of the same run."""
+    text = open(path("cube.html"), encoding="utf-8").read()
+    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S).group(1))
+    report = json.load(open(path("cube.json"), encoding="utf-8"))
+    def numbers(key, kind, mesh="output"):
+        raw = base64.b64decode(data[mesh][key])
+        return struct.unpack("<%d%s" % (len(raw) // struct.calcsize(kind), kind), raw)
+    lines = open(path("cube & <co>.obj"), encoding="utf-8").read().splitlines()
+    vertices = [[float(x) for x in line.split()[1:4]] for line in lines if line.startswith("v ")]
+    corners = [int(x.split("/")[0]) - 1 for line in lines if line.startswith("f ") for x in line.split()[1:]]
+    ends = [int(x) - 1 for line in lines if line.startswith("l ") for x in line.split()[1:]]
+    def triples(numbers):  # the file has them patch by patch
+        return sorted(tuple(numbers[i:i + 3]) for i in range(0, len(numbers), 3))
+    check(triples(numbers("indices", "I")) == triples(corners), "the triangles are those of the output")
+    check(len(ends) > 100 and len(numbers("curves", "I")) == 2 * report["curves"]["edges_kept"], "the lines are those that are kept")
+    side = [max(v[k] for v in vertices) - min(v[k] for v in vertices) for k in range(3)]
+    middle = [max(v[k] for v in vertices) / 2 + min(v[k] for v in vertices) / 2 for k in range(3)]
+    half = sum(x * x for x in side) ** 0.5 / 2  # a cube keeps its corners, so its box
+    expected = [(v[k] - middle[k]) / half for v in vertices for k in range(3)]
+    positions = numbers("positions", "f")
+    check(len(positions) == len(expected) and all(abs(a - b) < 1e-6 for a, b in zip(positions, expected)), "the vertices are those of the output")
+    valences = numbers("valences", "B")
+    check([valences.count(d) for d in range(15)] == report["quality"]["valence"][:15], "the valences are those of the report")
+    check(set(numbers("valences", "B", "input")) <= {4, 5, 6, 7, 8} and len(numbers("distances", "f", "input")) * 3 == len(numbers("indices", "I", "input")),
+          "numbers of the input")
+    check(0 <= data["distance"]["farthest"] < 1e-9, "a cube with its creases is %g %% from itself" % data["distance"]["farthest"])
+    knot = json.loads(re.search(r'id="data">(.*?)</script>', open(path("knot.html"), encoding="utf-8").read(), re.S).group(1))
+    hausdorff = json.load(open(path("knot_distance.json"), encoding="utf-8"))["distance"]["hausdorff_percent"]
+    farthest = knot["distance"]["farthest"]
+    check(0.5 * hausdorff < farthest <= hausdorff, "seven points a triangle are %g %% away, all points %g %%" % (farthest, hausdorff))
+
+
 def test_without_webgl(program, folder, path):
     browser = Browser(program, folder, "--disable-3d-apis")
     browser.open(path)
@@ -386,9 +419,11 @@ def main():
         def run(*words):
             subprocess.run([amps, *words, "--quiet"], check=True)
         run("make", "cube", path("cube.obj"), "--n", "300")
-        run("remesh", path("cube.obj"), path("cube & <co>.obj"), "--vertices", "700", "--report", path("cube.html"))
+        run("remesh", path("cube.obj"), path("cube & <co>.obj"), "--vertices", "700", "--json", path("cube.json"), "--report", path("cube.html"))
         run("make", "knot", path("knot.obj"), "--n", "4000")
         run("remesh", path("knot.obj"), path("out.ply"), "--vertices", "1500", "--sizing", "lfs", "--report", path("knot.html"))
+        run("info", path("out.ply"), "--reference", path("knot.obj"), "--json", path("knot_distance.json"))
+        test_numbers(path)
         browser = Browser(program, path("profile"))
         try:
             test_controls(browser, path("cube.html"))
