@@ -61,43 +61,45 @@ std::string encoded(const Range& values) {
 
 /// Neighbours of each vertex that is on no edge of one facet, vertices of equal position being one; else kNoValence.
 inline std::vector<std::uint8_t> valences(const amps::Mesh& mesh, const amps::Execution& execution) {
-  const auto n = static_cast<std::size_t>(mesh.vertices.rows());
-  const auto position = [&mesh](amps::Index v) {
-    return std::array<double, 3>{mesh.vertices(v, 0), mesh.vertices(v, 1), mesh.vertices(v, 2)};
+  constexpr std::size_t kVerticesPerLook = 1 << 14;
+  const amps::Mesh welded = amps::merge_equal_vertices(mesh, execution.part(0, 0.5));
+  const auto n = static_cast<std::size_t>(welded.vertices.rows());
+  const auto place = [&welded](std::ptrdiff_t t, int k) { return static_cast<std::size_t>(welded.triangles(t, k)); };
+  const auto for_each_side = [&](const auto& body) {  // from the lower to the higher vertex
+    for (std::ptrdiff_t t = 0; t < welded.triangles.rows(); ++t) {
+      const std::array<std::size_t, 3> at{place(t, 0), place(t, 1), place(t, 2)};
+      if (at[0] == at[1] || at[1] == at[2] || at[2] == at[0]) continue;
+      for (std::size_t k = 0; k < 3; ++k) body(std::min(at[k], at[(k + 1) % 3]), std::max(at[k], at[(k + 1) % 3]));
+    }
   };
-  std::vector<amps::Index> order(n), place(n);
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](amps::Index a, amps::Index b) { return position(a) < position(b); });
-  execution.report(0.4);
-  amps::Index places = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    if (i > 0 && position(order[i]) != position(order[i - 1])) ++places;
-    place[static_cast<std::size_t>(order[i])] = places;
-  }
-  std::vector<std::array<amps::Index, 2>> sides;
-  for (std::ptrdiff_t t = 0; t < mesh.triangles.rows(); ++t) {
-    std::array<amps::Index, 3> at{};
-    for (int k = 0; k < 3; ++k) at[static_cast<std::size_t>(k)] = place[static_cast<std::size_t>(mesh.triangles(t, k))];
-    if (at[0] == at[1] || at[1] == at[2] || at[2] == at[0]) continue;
-    for (std::size_t k = 0; k < 3; ++k)
-      sides.push_back({std::minmax(at[k], at[(k + 1) % 3]).first, std::max(at[k], at[(k + 1) % 3])});
-  }
-  std::sort(sides.begin(), sides.end());
-  execution.report(0.9);
+  std::vector<std::size_t> end(n + 1, 0);
+  for_each_side([&end](std::size_t low, std::size_t) { ++end[low + 1]; });
+  std::partial_sum(end.begin(), end.end(), end.begin());
+  std::vector<std::size_t> others(end.back());  // those of vertex v at [end[v - 1], end[v]) once all are there
+  for_each_side([&](std::size_t low, std::size_t high) { others[end[low]++] = high; });
   std::vector<int> degree(n, 0);
   std::vector<char> border(n, 0);
-  for (std::size_t begin = 0, end = 0; begin < sides.size(); begin = end) {
-    while (end < sides.size() && sides[end] == sides[begin]) ++end;
-    for (const amps::Index v : sides[begin]) {
-      ++degree[static_cast<std::size_t>(v)];
-      if (end == begin + 1) border[static_cast<std::size_t>(v)] = 1;
+  for (std::size_t v = 0; v < n; ++v) {
+    if (v % kVerticesPerLook == 0) execution.report(0.6 + 0.4 * static_cast<double>(v) / static_cast<double>(n));
+    const auto stop = others.begin() + static_cast<std::ptrdiff_t>(end[v]);
+    auto at = others.begin() + static_cast<std::ptrdiff_t>(v > 0 ? end[v - 1] : 0);
+    std::sort(at, stop);
+    while (at != stop) {
+      const auto next = std::upper_bound(at, stop, *at);
+      for (const std::size_t w : {v, *at}) {
+        ++degree[w];
+        if (next == at + 1) border[w] = 1;
+      }
+      at = next;
     }
   }
-  std::vector<std::uint8_t> result(n);
-  for (std::size_t v = 0; v < n; ++v) {
-    const auto at = static_cast<std::size_t>(place[v]);
-    const bool told = degree[at] > 0 && border[at] == 0;
-    result[v] = told ? static_cast<std::uint8_t>(std::min(degree[at], kNoValence - 1)) : kNoValence;
+  std::vector<std::uint8_t> result(static_cast<std::size_t>(mesh.vertices.rows()), kNoValence);
+  for (std::ptrdiff_t t = 0; t < mesh.triangles.rows(); ++t) {
+    for (int k = 0; k < 3; ++k) {
+      const std::size_t v = place(t, k);
+      if (degree[v] == 0 || border[v] != 0) continue;
+      result[static_cast<std::size_t>(mesh.triangles(t, k))] = static_cast<std::uint8_t>(std::min(degree[v], kNoValence - 1));
+    }
   }
   return result;
 }
@@ -260,12 +262,13 @@ inline std::string viewer_data(const PageContent& content) {
 }
 
 inline Histogram angle_histogram(const amps::Mesh& mesh) {
+  constexpr double kDegree = 3.14159265358979323846 / 180;
   Histogram histogram(0, 180, 60);
   const amps::MeshView view(mesh);
   for (amps::Index t = 0; t < view.num_facets(); ++t) {
     for (int k = 0; k < 3; ++k) {
       const amps::Vec3 u = view.corner(t, (k + 1) % 3) - view.corner(t, k), v = view.corner(t, (k + 2) % 3) - view.corner(t, k);
-      histogram.add(std::atan2(u.cross(v).norm(), u.dot(v)) * (180 / 3.14159265358979323846));
+      histogram.add(std::atan2(u.cross(v).norm(), u.dot(v)) / kDegree);
     }
   }
   return histogram;
@@ -379,16 +382,13 @@ inline std::string table_text(const Table& table) {
   std::string text = "<table id=\"table\">\n";
   for (const Table::Row& row : table.rows()) {
     if (row.name == "seconds") continue;  // stages have a table of their own
-    const std::string name = row.name.empty() ? "<td></td>" : "<th scope=\"row\">" + html(row.name) + "</th>";
-    const char* const cell = row.name.empty() ? "th" : "td";
-    const std::string scope = row.name.empty() ? " scope=\"col\"" : "";
-    text += "<tr>" + name;
-    if (row.has_second) {
-      for (const std::string& value : {row.first, row.second})
-        text += format("<%s", cell) + scope + ">" + html(value) + format("</%s>", cell);
-    } else {
-      text += "<td colspan=\"2\">" + html(row.first) + "</td>";
+    const std::string first = html(row.first), second = html(row.second);
+    if (row.name.empty()) {
+      text += "<tr><td></td><th scope=\"col\">" + first + "</th><th scope=\"col\">" + second + "</th></tr>\n";
+      continue;
     }
+    text += "<tr><th scope=\"row\">" + html(row.name) + "</th>";
+    text += row.has_second ? "<td>" + first + "</td><td>" + second + "</td>" : "<td colspan=\"2\">" + first + "</td>";
     text += "</tr>\n";
   }
   return text + "</table>";

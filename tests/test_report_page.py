@@ -348,6 +348,29 @@ def test_gaps(browser, path, folder):
     is_calm(browser, "gaps")
 
 
+def test_not_drawn(browser, path, folder):
+    """Meshes of too many triangles have no numbers in the page; here they are taken out."""
+    text = open(path, encoding="utf-8").read()
+    for left in [1, 0]:  # meshes that are there
+        for key in ["positions", "indices", "valences", "radii", "distances", "curves"]:
+            text = re.sub(r'"%s": "[^"]*",?' % key, "", text, count=1)
+        text = re.sub(r",(\s*})", r"\1", text)
+        changed_path = os.path.join(folder, "left_%d.html" % left)
+        with open(changed_path, "w", encoding="utf-8") as out:
+            out.write(text)
+        browser.open(changed_path)
+        if left == 1:
+            check([is_drawn(browser.picture(v)) for v in VIEWS] == [False, True], "the mesh that is there is drawn")
+            for name in ["valence", "smallest", "radius", "gaps", "distance"]:
+                colour_by(browser, name)
+                check(is_drawn(browser.picture("#view-1")), "the mesh that is there is drawn by " + name)
+            is_calm(browser, "one mesh")
+        else:
+            check(browser.run("document.getElementById('viewer').hidden"), "a viewer of nothing")
+            check("Neither" in browser.run("document.getElementById('no-webgl').textContent"), "no word about meshes that are not drawn")
+            check(not browser.complaints, "no mesh: %s" % browser.complaints)
+
+
 def test_radii(browser, path):
     browser.open(path)
     before = [browser.picture(v) for v in VIEWS]
@@ -429,6 +452,7 @@ def main():
             test_controls(browser, path("cube.html"))
             test_looks(browser, path("cube.html"))
             test_gaps(browser, path("cube.html"), folder)
+            test_not_drawn(browser, path("cube.html"), folder)
             test_radii(browser, path("knot.html"))
         finally:
             browser.close()
