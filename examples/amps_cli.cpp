@@ -160,9 +160,6 @@ amps::Fit fit_of(const Arguments& arguments) {
   throw arguments.error("--fit " + how + ": name none, normal or free");
 }
 
-/// A file without its folder.
-std::string shown_name(const std::string& path) { return fs::path(path).filename().string(); }
-
 int run_remesh(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments, true);
   amps::RemeshOptions options;
@@ -248,41 +245,39 @@ int run_remesh(const Arguments& arguments) {
   add_seconds(json, seconds);
   write_json(arguments, json);
 
-  const auto tell = [&](const Table& table) {
-    table.row("", "input", "output");
-    const amps::Index asked = options.sampling.target_count;
-    std::string vertices = std::to_string(result.mesh.vertices.rows());
-    if (asked > 0) vertices += " of " + number(asked) + " asked for";
-    table.row("vertices", number(report.input.vertices), vertices);
-    table.row("triangles", number(report.input.facets), number(report.output.facets));
-    print_topology(table, report.input, report.output);
-    print_certificate(table, report.certificate);
-    print_curves(table, report.curves);
-    print_crossings(table, report);
-    if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
-    print_radii(table, result.samples);
-    print_optimization(table, options.optimization, report.optimization);
-    print_fit(table, options.fit, report.fit);
-    print_error(table, options.max_error, report);
-    print_quality(table, report.quality, radius);
-    print_maximality(table, report.maximality);
-    print_unfilled(table, report.sampling);
-    print_seconds(table, seconds);
-  };
+  Table table(arguments.quiet());
+  table.hold();
+  table.row("", "input", "output");
+  const amps::Index asked = options.sampling.target_count;
+  std::string vertices = std::to_string(result.mesh.vertices.rows());
+  if (asked > 0) vertices += " of " + number(asked) + " asked for";
+  table.row("vertices", number(report.input.vertices), vertices);
+  table.row("triangles", number(report.input.facets), number(report.output.facets));
+  print_topology(table, report.input, report.output);
+  print_certificate(table, report.certificate);
+  print_curves(table, report.curves);
+  print_crossings(table, report);
+  if (unused > 0) table.row("in no triangle", "", std::to_string(unused));
+  print_radii(table, result.samples);
+  print_optimization(table, options.optimization, report.optimization);
+  print_fit(table, options.fit, report.fit);
+  print_error(table, options.max_error, report);
+  print_quality(table, report.quality, radius);
+  print_maximality(table, report.maximality);
+  print_unfilled(table, report.sampling);
+  print_seconds(table, seconds);
   std::string lost = amps::lost_shape(report);
   if (lost.empty() && options.max_error > 0 && !(report.hausdorff_bound <= options.max_error)) {
     lost = format("the result is up to %.6g from the input, %.6g was asked for; take a larger --error", report.hausdorff_bound,
                   options.max_error);
   }
   if (reports) {
-    const Table table(true);
-    tell(table);
     write_file(arguments.text("--report"),
-               report_page({mesh, result, shown_name(arguments.operand(0)), shown_name(arguments.operand(1)),
+               report_page({mesh, result, page::file_name(arguments.operand(0)), page::file_name(arguments.operand(1)),
                             arguments.command_line(), lost, *measures, table, seconds}));
   }
   watch.finish();
-  tell(Table(arguments.quiet()));
+  table.print();
   return lost.empty() ? kExitDone : complain(lost, kExitShape);
 }
 
@@ -658,7 +653,7 @@ void print_help() {
   for (const Command& command : commands()) {
     std::printf("  %-24s %s\n", (std::string(command.name) + " " + command.operands).c_str(), command.summary);
   }
-  std::printf("\n'amps COMMAND --help' tells the options of a command, --version the version.\n");
+  std::printf("\n'amps COMMAND --help' tells the options of a command,\n'amps --version' the version.\n");
   std::printf("%s\n",
               wrapped("Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some, 4 'remesh' lost some of the shape "
                       "or missed --error, 130 interrupted.",

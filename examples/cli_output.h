@@ -69,12 +69,20 @@ class Table {
   void row(const char* name, const std::string& value) const { add({name, value, "", false}); }
   void row(const char* name, const std::string& first, const std::string& second) const { add({name, first, second, true}); }
   const std::vector<Row>& rows() const { return rows_; }  ///< also of a quiet one
+  /// From here on rows wait for print().
+  void hold() { held_ = true; }
+  void print() const {
+    for (const Row& row : rows_) show(row);
+  }
 
  private:
   static constexpr std::size_t kNameColumns = 23, kFirstColumns = 15;
 
   void add(const Row& row) const {
     rows_.push_back(row);
+    if (!held_) show(row);
+  }
+  void show(const Row& row) const {
     if (quiet_) return;
     const std::string name = format("%-22s ", row.name.c_str());
     std::string line = name + wrapped(row.first, name.size(), kNameColumns);
@@ -86,6 +94,7 @@ class Table {
   }
 
   bool quiet_;
+  bool held_ = false;
   mutable std::vector<Row> rows_;  // printing does not change what a table is of
 };
 

@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <map>
 #include <numeric>
 #include <string>
@@ -404,6 +405,9 @@ inline std::string seconds_text(const Seconds& seconds) {
   }
   return text + "</table>";
 }
+
+/// A file without its folder.
+inline std::string file_name(const std::string& path) { return std::filesystem::path(path).filename().string(); }
 
 inline std::string caption(const std::string& name, const amps::Mesh& mesh) {
   std::string text = html(name) + ", " + std::to_string(mesh.triangles.rows()) + " triangles";
