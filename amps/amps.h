@@ -21,12 +21,14 @@
 //
 // Reading order. A file includes only files above it (tests/check_reading_order.cmake holds it to that).
 //
+//   host_macros_begin.h  (internal) macros of the host are set aside
+//   host_macros_end.h    (internal) and put back
 //   contraction.h    (internal) no fused multiply-add in amps's own sources
 //   base.h           vectors and indices, Error, Rng
 //   buffers.h        plain tables that results own, views of the caller's memory
 //   thread_pool.h    (internal) threads that are started once
 //   execution.h      Execution: threads, progress and cancelling of a call; parallel_for
-//   portable_math.h  (internal) angles; sine and logarithm with the same bits everywhere
+//   portable_math.h  (internal) angles; sine, logarithm and their like with the same bits everywhere
 //   exact.h          (internal) the number types behind exact decisions
 //   predicates.h     orientation, power test, sides of bisectors, coverage: filter, exact, symbolic
 //   mesh.h           Mesh and MeshView, areas, normals, topology, what is wrong with an input
@@ -73,11 +75,15 @@
 //   sample_edit.h    (internal) samples, diagram and grid edited together, kept or undone
 //   optimize.h       better triangles and valences by refilling gaps
 //   polygons.h       (internal) polygons of files, cut into triangles
-//   file_io.h        (internal) what readers and writers share: places of errors, numbers, files written whole or not at all
+//   decimal.h        (internal) doubles as text
+//   file_io.h        (internal) what readers and writers share: places of errors, numbers, whole files
+//   file_io_replace         (its .cpp only) files written whole or not at all
 //   ply.h            (internal) reading PLY, and what all readers build meshes with
 //   mesh_io.h        OBJ, OFF, PLY, STL and sample files
 //   mesh_io_samples         (its .cpp only) sample files, lists of numbers
 //   quality.h        angles, edges, areas, valences
+//   spectrum.h       power spectra of point sets in the plane, differential-domain analysis on surfaces
+//   spectrum_differential   (its .cpp only) the latter
 //   surface_distance.h  Hausdorff, root-mean-square and mean distance between two surfaces
 //   self_intersections.h  facets that cross, touch or overlap
 //   fit_system.h     (internal) offsets of vertices by least squares
@@ -109,6 +115,7 @@
 #include "amps/optimize.h"
 #include "amps/mesh_io.h"
 #include "amps/quality.h"
+#include "amps/spectrum.h"
 #include "amps/surface_tree.h"
 #include "amps/surface_distance.h"
 #include "amps/self_intersections.h"

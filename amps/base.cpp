@@ -1,10 +1,14 @@
 #define AMPS_OWN_SOURCE
 #include "amps/base.h"
 
+#include <algorithm>
+#include <limits>
 #include <locale>
 #include <sstream>
 
 namespace amps {
+
+Error::~Error() = default;
 
 Rng::Rng(std::uint64_t seed) noexcept {
   for (std::uint64_t& word : state_) {  // splitmix64
@@ -56,9 +60,40 @@ const char* name_of(Outcome outcome) noexcept {
 
 namespace detail {
 
+namespace {
+
+// Squares in here are as precise as any, their parts included where these count.
+bool well_in_range(double square) { return square > 1e-280 && square < 1e280; }
+
+// 2^-exponent times the vector, which makes its greatest coordinate some number in [½, 1).
+Vec3 scaled_to_one(const Vec3& a, int& exponent) {
+  std::frexp(a.lpNorm<Eigen::Infinity>(), &exponent);
+  return {std::ldexp(a[0], -exponent), std::ldexp(a[1], -exponent), std::ldexp(a[2], -exponent)};
+}
+
+}  // namespace
+
+double stable_norm(const Vec3& a) noexcept {
+  const double square = squared_norm(a);
+  if (well_in_range(square)) return std::sqrt(square);
+  if (!a.allFinite() || a.isZero(0)) return square;
+  int exponent = 0;
+  const Vec3 scaled = scaled_to_one(a, exponent);
+  return std::ldexp(norm(scaled), exponent);
+}
+
+Vec3 stable_normalized(const Vec3& a) noexcept {
+  const double square = squared_norm(a);
+  if (well_in_range(square)) return a / std::sqrt(square);
+  if (!a.allFinite() || a.isZero(0)) return a;
+  int exponent = 0;
+  return normalized(scaled_to_one(a, exponent));
+}
+
 void require_exact_arithmetic() {
   // volatile: the compiler must not evaluate these with its own arithmetic.
-  volatile double one = 1.0, half_ulp = 0x1p-53, more = 0x1.8p-53;
+  // `more` is above half an ulp by less than the extended precision of the x87 holds: rounded to that first, it is a tie.
+  volatile double one = 1.0, half_ulp = 0x1p-53, more = 0x1.000002p-53;
   volatile double down = one + half_ulp;  // tie: to even, that is to 1
   volatile double up = one + more;        // above the tie: away
   volatile double minus = -one - more;

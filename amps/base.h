@@ -2,16 +2,34 @@
 // the library includes this file and only files between it and itself in the reading order of amps.h.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/contraction.h"
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>  // cross products
 
 #include <chrono>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
+
+/// Marks what a shared library shows. Where amps is one (AMPS_SHARED: CMake defines it, for users as well, who may also do so
+/// by hand), all else is hidden; a static library and the single header need nothing.
+#if !defined(AMPS_SHARED)
+#define AMPS_EXPORT
+#elif defined(_WIN32) || defined(__CYGWIN__)
+#if defined(AMPS_OWN_SOURCE)
+#define AMPS_EXPORT __declspec(dllexport)
+#else
+#define AMPS_EXPORT __declspec(dllimport)
+#endif
+#else
+#define AMPS_EXPORT __attribute__((visibility("default")))
+#endif
 
 namespace amps {
 
@@ -37,9 +55,12 @@ enum class ErrorCode {
 
 /// The one exception amps throws (besides std::bad_alloc). State passed by reference is unchanged when it is thrown, unless
 /// the function says otherwise.
-class Error : public std::runtime_error {
+class AMPS_EXPORT Error : public std::runtime_error {
  public:
   Error(ErrorCode code, const std::string& message) : std::runtime_error(message), code_(code) {}
+  Error(const Error&) = default;
+  Error& operator=(const Error&) = default;
+  ~Error() override;  // in base.cpp, so that all programs and libraries share one type information
   ErrorCode code() const noexcept { return code_; }
 
  private:
@@ -50,7 +71,7 @@ class Error : public std::runtime_error {
 /// distributions of <random> differ between standard libraries, so amps has its own.
 class Rng {
  public:
-  explicit Rng(std::uint64_t seed) noexcept;
+  AMPS_EXPORT explicit Rng(std::uint64_t seed) noexcept;
 
   std::uint64_t next() noexcept {
     const std::uint64_t result = rotate(state_[1] * 5, 7) * 9;
@@ -68,7 +89,7 @@ class Rng {
   double uniform() noexcept { return static_cast<double>(next() >> 11) * 0x1p-53; }
 
   /// Uniform in {0, …, n−1}; n ≥ 1. Unbiased (rejection).
-  std::uint64_t below(std::uint64_t n) noexcept;
+  AMPS_EXPORT std::uint64_t below(std::uint64_t n) noexcept;
 
  private:
   static std::uint64_t rotate(std::uint64_t x, int k) noexcept { return (x << k) | (x >> (64 - k)); }
@@ -76,7 +97,7 @@ class Rng {
 };
 
 /// Barycentric coordinates of a uniformly distributed point of a triangle; two draws of `rng`.
-Vec3 uniform_barycentric(Rng& rng) noexcept;
+AMPS_EXPORT Vec3 uniform_barycentric(Rng& rng) noexcept;
 
 /// How a call ended that need not reach all it was asked for. The result is valid in any case. In this order one is worse than
 /// another.
@@ -91,9 +112,38 @@ enum class Outcome {
 };
 
 /// In words: "done", "iteration limit", "stalled", "count missed", "error missed", "shape changed", "cancelled".
-const char* name_of(Outcome outcome) noexcept;
+AMPS_EXPORT const char* name_of(Outcome outcome) noexcept;
 
 namespace detail {
+
+/// As a double; INFINITY is a float, whose conversion compilers like to warn of.
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Sums over the coordinates of a vector, from the first to the last: Eigen's own dot, norm and sum add in another order with
+// vector units than without. (What Eigen does coordinate by coordinate, and its cross product, have one order anyway.)
+// Always inline: a copy in a program that allows contraction must not stand in for the library's.
+#if defined(__GNUC__) || defined(__clang__)
+#define AMPS_ALWAYS_INLINE inline __attribute__((always_inline))
+#elif defined(_MSC_VER)
+#define AMPS_ALWAYS_INLINE __forceinline
+#else
+#define AMPS_ALWAYS_INLINE inline
+#endif
+
+AMPS_ALWAYS_INLINE double sum(const Vec3& a) noexcept { return a[0] + a[1] + a[2]; }
+AMPS_ALWAYS_INLINE double dot(const Vec3& a, const Vec3& b) noexcept { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+AMPS_ALWAYS_INLINE double squared_norm(const Vec3& a) noexcept { return a[0] * a[0] + a[1] * a[1] + a[2] * a[2]; }
+AMPS_ALWAYS_INLINE double norm(const Vec3& a) noexcept { return std::sqrt(squared_norm(a)); }
+
+/// The vector itself if its square is zero.
+AMPS_ALWAYS_INLINE Vec3 normalized(const Vec3& a) noexcept {
+  const double square = squared_norm(a);
+  return square > 0 ? Vec3(a / std::sqrt(square)) : a;
+}
+
+/// The same for vectors whose squares are out of range: areas at extreme scales.
+double stable_norm(const Vec3& a) noexcept;
+Vec3 stable_normalized(const Vec3& a) noexcept;
 
 /// splitmix64's finaliser: a hash of 64 bits.
 inline std::uint64_t scramble(std::uint64_t z) noexcept {
@@ -147,3 +197,5 @@ std::string number_text(double x);
 #define AMPS_ASSERT(condition) \
   ((condition) ? static_cast<void>(0) : ::amps::detail::assertion_failed(#condition, __FILE__, __LINE__))
 #endif
+
+#include "amps/host_macros_end.h"

@@ -39,7 +39,7 @@ class BoxTree {
     Index second_child = kNone;  ///< the first one follows; kNone: a leaf
   };
   static double least(const Node& node, const Vec3& x, double slope) {
-    return node.value + slope * (x - x.cwiseMax(node.min).cwiseMin(node.max)).norm();
+    return node.value + slope * norm(x - x.cwiseMax(node.min).cwiseMin(node.max));
   }
 
   template <class Visit>

@@ -8,6 +8,8 @@
 // compile.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 
 #include <array>
@@ -303,7 +305,8 @@ class PointsView {
     const auto& column = memory_.column;
     using detail::load;
     if (!is_float_) return {load<double>(column[0] + at), load<double>(column[1] + at), load<double>(column[2] + at)};
-    return {load<float>(column[0] + at), load<float>(column[1] + at), load<float>(column[2] + at)};
+    return Eigen::Vector3f(load<float>(column[0] + at), load<float>(column[1] + at), load<float>(column[2] + at))
+        .cast<double>();
   }
   double operator()(std::ptrdiff_t i, int k) const noexcept {
     const unsigned char* const at = memory_.column[static_cast<std::size_t>(k)] + i * memory_.stride;
@@ -409,7 +412,7 @@ class TrianglesView {
     return static_cast<Type>(kLog + (std::is_signed_v<T> ? 0 : 1));
   }
   /// Of the types that are not Index.
-  Index converted(const unsigned char* at) const noexcept;
+  AMPS_EXPORT Index converted(const unsigned char* at) const noexcept;
 
   detail::Columns<3> memory_;
   Type type_ = Type::kInt32;
@@ -457,3 +460,5 @@ class ValuesView {
 };
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -36,7 +36,7 @@ void CapField::build(std::size_t begin, std::size_t end) {
 
 double CapField::bound_of(const Node& node, const Vec3& x) const {
   const Vec3 outside = (node.low - x).cwiseMax(x - node.high).cwiseMax(Vec3::Zero());
-  return node.min_radius + slope_ * outside.norm();
+  return node.min_radius + slope_ * norm(outside);
 }
 
 double CapField::at(const Vec3& x, double wanted) const {
@@ -50,7 +50,7 @@ void CapField::search(std::size_t at, const Vec3& x, double& bound) const {
   if (!(bound_of(node, x) < bound)) return;
   if (node.second == 0) {
     for (std::size_t k = node.begin; k < node.end; ++k) {
-      bound = std::min(bound, caps_[k].radius + slope_ * (x - caps_[k].position).norm());
+      bound = std::min(bound, caps_[k].radius + slope_ * norm(x - caps_[k].position));
     }
     return;
   }

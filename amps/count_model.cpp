@@ -33,9 +33,9 @@ double gradient_integral(const MeshView& mesh, const SizingField& field, const E
              piece.corners[k][2] * mesh.corner(piece.facet, 2);
     }
     const Vec3 u = x[1] - x[0], v = x[2] - x[0];
-    const double doubled_area = u.cross(v).norm();
+    const double doubled_area = norm(u.cross(v));
     if (!(doubled_area > 0)) continue;
-    const double slope = ((piece.radii[1] - piece.radii[0]) * v - (piece.radii[2] - piece.radii[0]) * u).norm() / doubled_area;
+    const double slope = norm((piece.radii[1] - piece.radii[0]) * v - (piece.radii[2] - piece.radii[0]) * u) / doubled_area;
     sum += std::min(slope, 1.0) * field.density_integral(i);
   }
   return sum;
@@ -60,7 +60,7 @@ double boundary_integral(const MeshView& mesh, const SizingField& field, const E
       b[next] = t;
       return field.empty() ? 1.0 : 1 / field.radius(side.facet, b);
     };
-    const double length = (mesh.corner(side.facet, side.k) - mesh.corner(side.facet, next)).norm();
+    const double length = norm(mesh.corner(side.facet, side.k) - mesh.corner(side.facet, next));
     sum += length / 6 * (inverse_radius(0) + 4 * inverse_radius(0.5) + inverse_radius(1));
   }
   return sum;

@@ -69,7 +69,7 @@ int CurveProximity::kind_of(Index curve, double s, const Vec3& x, const Segment&
   for (const int k : {0, 1}) {
     const Index corner = k == 0 ? mine.first_corner : mine.last_corner;
     if (corner != other.first_corner && corner != other.last_corner) continue;
-    const double to_corner = (x - flood_.position(graph_.corners[slot(corner)])).norm();
+    const double to_corner = norm(x - flood_.position(graph_.corners[slot(corner)]));
     // Both ends at one corner: the one that is nearer along the curve.
     if (to_corner < nearest || (to_corner == nearest && s > mine.length() / 2)) kind = k;
     nearest = std::min(nearest, to_corner);
@@ -91,10 +91,10 @@ void CurveProximity::collect(const PlacedPoint& at, double bound, const Kind& ki
     trees_[slot(patch)].search(x, 1, bound, [&](Index i, double&) {
       const Segment& segment = segments_[slot(patch)][slot(i)];
       const Vec3 a = end(segment, 0), u = end(segment, 1) - a;
-      const double length = u.squaredNorm();
-      const double t = length > 0 ? std::min(1.0, std::max(0.0, (x - a).dot(u) / length)) : 0;
+      const double length = squared_norm(u);
+      const double t = length > 0 ? std::min(1.0, std::max(0.0, dot(x - a, u) / length)) : 0;
       const Vec3 point = a + t * u;
-      const double distance = (x - point).norm();
+      const double distance = norm(x - point);
       if (distance >= bound) return;
       const auto& arc = graph_.curves[slot(segment.curve)].arc;
       const double parameter = arc[slot(segment.piece)] + t * (arc[slot(segment.piece) + 1] - arc[slot(segment.piece)]);

@@ -125,7 +125,9 @@ class RadiusTable {
   double integral(std::size_t k) const {  // of an interval
     return (nodes_[k + 1].s - nodes_[k].s) * 0.5 * (1 / nodes_[k].radius + 1 / nodes_[k + 1].radius);
   }
-  static double between(double a, double b, double t) { return t <= 0 ? a : t >= 1 ? b : a + t * (b - a); }
+  static double between(double a, double b, double t) {  // both may be infinite
+    return t <= 0 || a == b ? a : t >= 1 ? b : a + t * (b - a);
+  }
 
   std::vector<Node> nodes_;  ///< ascending; at least two
 };
@@ -133,7 +135,7 @@ class RadiusTable {
 void RadiusTable::lower(double s, double radius) {
   const std::size_t k = interval(s);
   const Node &a = nodes_[k], &b = nodes_[k + 1];
-  const double t = (s - a.s) / (b.s - a.s);
+  const double t = b.s > a.s ? (s - a.s) / (b.s - a.s) : s > a.s ? 1 : 0;
   Node node{s, radius, {}, {}};
   for (const std::size_t e : {std::size_t{0}, std::size_t{1}}) {
     node.of_wedge[e] = std::min(a.of_wedge[e], b.of_wedge[e]);
@@ -250,7 +252,7 @@ struct CurveTask {
 /// The farthest that the curve's vertices between two of its points are from the line through these.
 double CurveTask::sagitta(const CurveStop& p, const CurveStop& q) const {
   const Vec3 u = q.position - p.position;
-  const double length = u.norm();
+  const double length = norm(u);
   const std::size_t n = curve.edges.size();
   double farthest = 0;
   std::size_t k = piece_at(curve, wrapped(p.s)) + 1;
@@ -262,7 +264,7 @@ double CurveTask::sagitta(const CurveStop& p, const CurveStop& q) const {
     }
     if (curve.arc[k] + turns >= q.s) break;
     const Vec3 x = mesh.vertices[curve.vertices[k]] - p.position;
-    farthest = std::max(farthest, length > 0 ? x.cross(u).norm() / length : x.norm());
+    farthest = std::max(farthest, length > 0 ? norm(x.cross(u)) / length : norm(x));
     ++k;
   }
   return farthest;
@@ -271,7 +273,7 @@ double CurveTask::sagitta(const CurveStop& p, const CurveStop& q) const {
 /// Beyond the protection of a straight piece, what always sufficed for a curved one: 4hρ ≤ w_p + w_q − d², h the sagitta, ρ the
 /// half-chord at d/2 of a disk of 1.15 times the greater radius.
 bool is_surely_kept(const CurveTask& task, const CurveStop& p, const CurveStop& q) {
-  const double d2 = (q.position - p.position).squaredNorm();
+  const double d2 = squared_norm(q.position - p.position);
   const double reach = 1.15 * std::max(p.radius, q.radius);
   const double slack = p.radius * p.radius + q.radius * q.radius - d2;
   const double width = 4 * std::sqrt(std::max(0.0, reach * reach - d2 / 4));
@@ -292,7 +294,7 @@ void add_window(const CurveTask& task, const CurveStop& end, double sign, double
   constexpr double kMuchLess = 0.8;
   constexpr int kStopsOfWindow = 12, kHalvings = 40;
   const double step = end.radius / kStopsPerRadius;
-  const auto squared = [&](const CurveStop& q) { return (q.position - end.position).squaredNorm(); };
+  const auto squared = [&](const CurveStop& q) { return squared_norm(q.position - end.position); };
   // The least way from `from` on, up to rounding, at which a condition that the end does not fulfil comes to hold.
   const auto first_where = [&](double from, const auto& holds) {
     double low = from, high = from;
@@ -332,7 +334,7 @@ std::vector<CurveStop> stops_between(const CurveTask& task, const CurveStop& fir
   }
   add_window(task, first, 1, last.s - first.s, rng, stops);
   add_window(task, last, -1, last.s - first.s, rng, stops);
-  std::sort(stops.begin(), stops.end(), [](const CurveStop& a, const CurveStop& b) { return a.s < b.s; });
+  std::stable_sort(stops.begin(), stops.end(), [](const CurveStop& a, const CurveStop& b) { return a.s < b.s; });
   const auto not_ascending = [](const CurveStop& a, const CurveStop& b) { return !(a.s < b.s); };
   stops.erase(std::unique(stops.begin(), stops.end(), not_ascending), stops.end());
   while (!(stops.back().s < last.s)) stops.pop_back();
@@ -345,7 +347,7 @@ template <class Visit>
 void for_each_next(const std::vector<CurveStop>& stops, std::size_t p, const Visit& visit) {
   const CurveStop& from = stops[p];
   const std::size_t last = stops.size() - 1;
-  const auto squared = [&](std::size_t q) { return (stops[q].position - from.position).squaredNorm(); };
+  const auto squared = [&](std::size_t q) { return squared_norm(stops[q].position - from.position); };
   const double begin = from.s + from.radius * (1 - 0x1p-30), end = from.s + kLongestWay * from.radius;
   const auto first = std::lower_bound(stops.begin() + static_cast<std::ptrdiff_t>(p) + 1, stops.end() - 1, begin,
                                       [](const CurveStop& stop, double s) { return stop.s < s; });
@@ -391,7 +393,7 @@ struct Spacing {
 /// of equal shares of ∫ds/R, by contrast, fails where none of these does fit.
 Spacing space_between(const CurveTask& task, const CurveStop& first, const CurveStop& last, int least_pieces, Rng& rng) {
   Spacing result;
-  const double d2 = (last.position - first.position).squaredNorm();
+  const double d2 = squared_norm(last.position - first.position);
   if (least_pieces <= 1 && may_be_neighbours(first, last, d2) && is_surely_kept(task, first, last)) {
     result.done = true;
     result.samples = {first, last};
@@ -635,7 +637,7 @@ RadiusTable::Node CurveSampler::make_node(Index c, double s, double bound) {
   RadiusTable::Node node{s, std::min(bound, std::max(least, clear.of_others)), clear.of_wedge, {kInfinite, kInfinite}};
   for (const std::size_t e : {std::size_t{0}, std::size_t{1}}) {
     node.of_wedge[e] = std::max(least, node.of_wedge[e]);
-    if (!curve(c).closed) node.to_corner[e] = (at.position - corners_[slot(corners_of(c)[e])].at.position).norm();
+    if (!curve(c).closed) node.to_corner[e] = norm(at.position - corners_[slot(corners_of(c)[e])].at.position);
   }
   return node;
 }
@@ -863,7 +865,7 @@ void CurveSampler::find_conflicts(const std::vector<CurveSample>& samples, std::
     tree.search(sample.position(), 1, sample.radius * kAboveRounding, [&](Index other, double&) {
       const Vec3& x = samples[slot(other)].sample.position();
       if (other == s || side_of_ball(x.data(), sample.position().data(), weight) >= 0) return;
-      const double d2 = (x - sample.position()).squaredNorm();
+      const double d2 = squared_norm(x - sample.position());
       if (d2 >= nearest) return;
       if (from.homes.empty()) from = {sample.position(), homes_of(flood_, samples[slot(s)])};
       if (flood_.holds(from, weight, {x, homes_of(flood_, samples[slot(other)])}, scratch_)) nearest = d2;
@@ -905,7 +907,7 @@ void CurveSampler::finish(CurveSamples& result) {
   }
   for (const auto& [p, q] : result.edges) {
     Sample &a = result.samples[slot(p)].sample, &b = result.samples[slot(q)].sample;
-    const double d2 = (a.position() - b.position()).squaredNorm();
+    const double d2 = squared_norm(a.position() - b.position());
     a.radius = radius_below(a.radius, d2);
     b.radius = radius_below(b.radius, d2);
   }
@@ -936,7 +938,7 @@ void CurveSampler::measure(CurveSamples& result) const {
       CurveStop from{p.corner == kNone ? p.parameter : 0, p.sample.radius, p.sample.position()};
       CurveStop to{q.corner == kNone ? q.parameter : length, q.sample.radius, q.sample.position()};
       if (to.s <= from.s) to.s += length;  // across the start of a closed curve
-      const double d2 = (to.position - from.position).squaredNorm();
+      const double d2 = squared_norm(to.position - from.position);
       constexpr double kAboveRounding = 1 + 0x1p-50;
       spaced = spaced && d2 * kAboveRounding < from.radius * from.radius + to.radius * to.radius;
       if (!is_surely_kept(of_curve, from, to)) ++report.unproved_chords;

@@ -28,7 +28,7 @@ constexpr double kTurnReach = 0.25;
 
 /// Cosine of the angle between two directions, at any scale; 1 where one has no length.
 double cosine_between(const Vec3& a, const Vec3& b) {
-  return a.isZero(0) || b.isZero(0) ? 1 : a.stableNormalized().dot(b.stableNormalized());
+  return a.isZero(0) || b.isZero(0) ? 1 : dot(stable_normalized(a), stable_normalized(b));
 }
 
 class CurveFinder {
@@ -81,7 +81,7 @@ class CurveFinder {
     radius_.assign(edges_.size(), options_.radius);
     for_each_index(edges_.size(), run_.part(0, 0.1), [this](std::size_t e) {
       const MeshEdge edge = edges_[e];
-      length_[e] = std::sqrt((at(edge.high) - at(edge.low)).squaredNorm());
+      length_[e] = std::sqrt(squared_norm(at(edge.high) - at(edge.low)));
       if (options_.sizing.empty()) return;
       radius_[e] = 0;
       for (const EdgeSide& side : edge) {
@@ -146,7 +146,7 @@ class CurveFinder {
       const int first = row[0] < row[1] ? (row[0] < row[2] ? 0 : 2) : (row[1] < row[2] ? 1 : 2);
       const Vec3 a = at(row[first]);
       const Vec3 cross = (at(row[(first + 1) % 3]) - a).cross(at(row[(first + 2) % 3]) - a);
-      const double norm = cross.stableNorm();  // of an area: its square may be out of range
+      const double norm = stable_norm(cross);  // of an area: its square may be out of range
       std::size_t& e = longest[slot(f)] = edges_.edge(f, 0);
       for (int k = 1; k < 3; ++k) {
         const std::size_t g = edges_.edge(f, k);
@@ -189,8 +189,8 @@ class CurveFinder {
   /// Squared distance of x from an edge.
   double squared_distance(std::size_t e, const Vec3& x) const {
     const Vec3 a = at(edges_[e].low), d = at(edges_[e].high) - a;
-    const double t = d.squaredNorm() > 0 ? std::min(1.0, std::max(0.0, (x - a).dot(d) / d.squaredNorm())) : 0;
-    return (x - a - t * d).squaredNorm();
+    const double t = squared_norm(d) > 0 ? std::min(1.0, std::max(0.0, dot(x - a, d) / squared_norm(d))) : 0;
+    return squared_norm(x - a - t * d);
   }
 
   struct Flooded {

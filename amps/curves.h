@@ -3,6 +3,8 @@
 // which creases are large enough to be kept.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/mesh.h"
 #include "amps/sizing.h"
 
@@ -36,7 +38,7 @@ enum class CurveKind {
 inline constexpr std::size_t kNumCurveKinds = 5;
 
 /// In words: "border", "edge of many sheets", "border of labels", "crease", "marked".
-const char* name_of(CurveKind kind) noexcept;
+AMPS_EXPORT const char* name_of(CurveKind kind) noexcept;
 
 /// A piece of a curve between two corners, or a loop.
 struct Curve {
@@ -70,7 +72,7 @@ struct CurveGraph {
 /// out of range, for a marked pair of vertices that no edge joins and a marked vertex on no facet; Error(kInvalidMesh) as
 /// require_usable() does, Error(kCancelled). O(#F) expected but for the averages: each looks at no more than 512 facets a side,
 /// so where these are far smaller than r it is over less than r.
-CurveGraph find_curves(const MeshView& mesh, const CurveOptions& options = {});
+AMPS_EXPORT CurveGraph find_curves(const MeshView& mesh, const CurveOptions& options = {});
 
 namespace detail {
 class SurfaceEdges;
@@ -79,3 +81,5 @@ class SurfaceEdges;
 CurveGraph find_curves(const MeshView& mesh, const SurfaceEdges& edges, const CurveOptions& options);
 }  // namespace detail
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

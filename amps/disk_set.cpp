@@ -80,7 +80,7 @@ double DiskSet::worst_conflict(const Execution& execution) const {
     for (const Index i : near_) {
       if (i == j || !holds_sample(i, j)) continue;
       const Sample& disk = samples_[slot(i)];
-      worst = std::min(worst, (disk.position() - samples_[id].position()).norm() / disk.radius);
+      worst = std::min(worst, norm(disk.position() - samples_[id].position()) / disk.radius);
     }
   }
   return worst;
@@ -119,7 +119,7 @@ double DiskSet::lowered_radius(const SurfacePoint& x, double wanted, const Wante
   PlacedPoint centre;
   for (const Index id : near_) {
     const SurfacePoint& at = samples_[slot(id)].at;
-    if (!((at.position - x.position).squaredNorm() < radius * radius)) continue;
+    if (!(squared_norm(at.position - x.position) < radius * radius)) continue;
     if (centre.homes.empty()) {
       flood_from(x, wanted);
       centre = {x.position, homes_};

@@ -125,7 +125,7 @@ void StarReader::list_bad(Index s, std::vector<BadItem>& items) {
 }
 
 void AngleRange::add(const Vec3& x, const Vec3& y, const Vec3& z) {
-  const std::array<double, 3> side = {(y - z).squaredNorm(), (z - x).squaredNorm(), (x - y).squaredNorm()};
+  const std::array<double, 3> side = {squared_norm(y - z), squared_norm(z - x), squared_norm(x - y)};
   for (std::size_t k = 0; k < 3; ++k) {
     const double cosine = corner_cosine(side[(k + 1) % 3], side[(k + 2) % 3], side[k]);
     min_cosine_ = std::min(min_cosine_, cosine);
@@ -133,6 +133,6 @@ void AngleRange::add(const Vec3& x, const Vec3& y, const Vec3& z) {
   }
 }
 
-double AngleRange::degrees(double cosine) { return to_degrees(std::acos(std::min(std::max(cosine, -1.0), 1.0))); }
+double AngleRange::degrees(double cosine) { return to_degrees(portable_arc_cosine(std::min(std::max(cosine, -1.0), 1.0))); }
 
 }  // namespace amps::detail

@@ -33,7 +33,7 @@ class DualRating {
   /// angle too small, 0.5 for one too large.
   double triangle(const Vec3& a, const Vec3& b, const Vec3& c) const {
     if (!angles_) return 0;
-    const double la = (b - c).squaredNorm(), lb = (c - a).squaredNorm(), lc = (a - b).squaredNorm();
+    const double la = squared_norm(b - c), lb = squared_norm(c - a), lc = squared_norm(a - b);
     return corner(lb, lc, la) + corner(lc, la, lb) + corner(la, lb, lc);
   }
   double valence(int neighbors, bool boundary) const {

@@ -12,6 +12,7 @@
 #include "amps/samples.h"
 #include "amps/sizing.h"
 #include "amps/surface_distance.h"
+#include "amps/surface_tree.h"
 
 #include <vector>
 
@@ -20,13 +21,38 @@ namespace amps::detail {
 /// Radii to begin with, where none are given: by curvature, up to a quarter of the diagonal, limited in gradation.
 SizingField error_sizing(const MeshView& mesh, double error, const Execution& execution);
 
+/// Radii for about so many samples that make the error the same everywhere, as above.
+SizingField error_sizing_of_count(const MeshView& mesh, double count, const Execution& execution);
+
 /// The distance between input and result, with bounds close beside this error.
 DistanceReport measure_error(const MeshView& mesh, const Mesh& result, double error, const Execution& execution);
 
-/// Bounds of radii at the vertices of triangles that are farther than `error` from the surface, or have points of it nearest
-/// to them that are. `distance`: of the two. Empty if radii there are as small as they may become.
-std::vector<RadiusCap> error_caps(const MeshView& mesh, const Mesh& result, const SampleSet& samples, double error,
-                                  const DistanceReport& distance, const Execution& execution);
+/// Where a result is farther from the surface than asked for.
+struct ErrorCaps {
+  double farthest = 0;          ///< the greatest distance found, of those above 0.9 error
+  std::vector<RadiusCap> caps;  ///< bounds of radii there; none where radii are as small as they may become
+};
+
+/// Looks at results, one after the other, for triangles that are farther from a surface than an error, or have points of it
+/// nearest to them that are.
+class ErrorSearch {
+ public:
+  /// `mesh` must outlive this.
+  ErrorSearch(const MeshView& mesh, const Execution& execution);
+
+  /// Bounds are of radii at the vertices of such triangles, and of those farther than 0.9 error: so that the next round does
+  /// not find these.
+  ErrorCaps look(const Mesh& result, const SampleSet& samples, double error, const Execution& execution);
+
+  /// What comes has been sampled anew.
+  void start_again() { first_ = true; }
+
+ private:
+  MeshView mesh_;
+  double diagonal_;
+  SurfaceTree tree_;
+  bool first_ = true;
+};
 
 /// About how many samples there will be under more bounds of radii.
 double expected_under(const CapField& caps, const Mesh& result, const SampleSet& samples);

@@ -90,7 +90,7 @@ inline std::uint64_t multiply_wide(std::uint64_t a, std::uint64_t b, std::uint64
 /// Two's complement, least significant limb first. Sums keep the wider width: callers leave head room (see ExactScale).
 template <int N>
 struct Int {
-  std::uint64_t limb[N];
+  std::uint64_t limb[static_cast<std::size_t>(N)];
 
   int sign() const noexcept {
     if (static_cast<std::int64_t>(limb[N - 1]) < 0) return -1;

@@ -16,6 +16,8 @@
 // Error(ErrorCode::kCancelled). Both do so within 100 ms, unless a callback or an Executor takes longer.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 
 #include <algorithm>
@@ -42,17 +44,17 @@ class Progress {
   /// Often enough for a smooth bar, rarely enough for callbacks that draw one.
   static constexpr double kSecondsBetweenCalls = 0.01;
 
-  Progress();
+  AMPS_EXPORT Progress();
   /// Calls `callback` when a stage begins, when the job is complete, and in between where `seconds_between_calls` have passed
   /// since the last call ended. With 0 every report of the working code arrives, for tests; costly.
-  explicit Progress(Callback callback, double seconds_between_calls = kSecondsBetweenCalls);
+  AMPS_EXPORT explicit Progress(Callback callback, double seconds_between_calls = kSecondsBetweenCalls);
 
   /// Asks the job to stop. Stays in force: a job started later with this Progress stops at once.
-  void cancel() const noexcept;
-  bool cancelled() const noexcept;
+  AMPS_EXPORT void cancel() const noexcept;
+  AMPS_EXPORT bool cancelled() const noexcept;
   /// Where the present or last job is, for those who rather look than be called.
-  double fraction() const noexcept;
-  const char* stage() const noexcept;
+  AMPS_EXPORT double fraction() const noexcept;
+  AMPS_EXPORT const char* stage() const noexcept;
 
  private:
   friend class Execution;
@@ -70,7 +72,7 @@ class Progress {
 ///     unsigned concurrency() const override { return static_cast<unsigned>(tbb::this_task_arena::max_concurrency()); }
 ///     void run(unsigned count, const std::function<void(unsigned)>& work) override { tbb::parallel_for(0u, count, work); }
 ///   };
-class Executor {
+class AMPS_EXPORT Executor {
  public:
   virtual ~Executor();
 
@@ -116,39 +118,39 @@ class Execution {
       : threads(num_threads), progress(std::move(watched_by)), executor(runs_on) {}
 
   /// How many workers a parallel loop has; at least 1.
-  unsigned workers() const;
+  AMPS_EXPORT unsigned workers() const;
 
   /// The same, as a job that has begun, its fraction at 0; where it is part of a job already, of that. The job's threads end
   /// with the last copy. `stage` names the work unless a caller has named it. Neither reports nor looks for a cancel, so that
   /// arguments can be checked first.
-  [[nodiscard]] Execution start(const char* stage = nullptr) const;
+  [[nodiscard]] AMPS_EXPORT Execution start(const char* stage = nullptr) const;
 
   /// The piece of this one's range from `from` to `to` (0 ≤ from ≤ to ≤ 1), for a call or a loop that takes this share of the
   /// time. `stage` is a static string, in words that a person understands. The outermost name is the one that is shown: who
   /// names a part decides, and a part without a name leaves it to those below. Reports that it begins; throws as check() does.
-  [[nodiscard]] Execution part(double from, double to, const char* stage = nullptr) const;
+  [[nodiscard]] AMPS_EXPORT Execution part(double from, double to, const char* stage = nullptr) const;
 
   /// The same threads, but nobody watches and nobody can cancel: for what has to be done after a cancel. Keep it short.
-  [[nodiscard]] Execution without_progress() const;
+  [[nodiscard]] AMPS_EXPORT Execution without_progress() const;
 
   /// The same on the caller's thread alone, also with an executor: for calls that are not worth several.
-  [[nodiscard]] Execution on_one_thread() const;
+  [[nodiscard]] AMPS_EXPORT Execution on_one_thread() const;
 
   bool cancelled() const noexcept { return progress.cancelled(); }
 
   /// Throws Error(kCancelled) if the job is cancelled. A few nanoseconds; to be called every few milliseconds.
-  void check() const;
+  AMPS_EXPORT void check() const;
 
   /// Publishes that `fraction` of this one's range is done, then check(). Threads may report in any order: the farthest counts.
   /// Some 10 ns, and 50 where there is a callback.
-  void report(double fraction) const;
+  AMPS_EXPORT void report(double fraction) const;
 
   /// Publishes that all is done. Does not throw when cancelled: the result is complete by now.
-  void finish() const;
+  AMPS_EXPORT void finish() const;
 
  private:
-  friend void parallel_for(std::size_t n, std::size_t grain, const Execution& execution,
-                           const std::function<void(std::size_t, std::size_t)>& body);
+  friend AMPS_EXPORT void parallel_for(std::size_t n, std::size_t grain, const Execution& execution,
+                                       const std::function<void(std::size_t, std::size_t)>& body);
 
   double overall(double fraction) const noexcept;
 
@@ -162,8 +164,8 @@ class Execution {
 /// throws Error(kCancelled); a piece that takes more than a few milliseconds should look too. If pieces throw, no further ones
 /// are begun, and the exception of the first (lowest begin) is rethrown when all workers have ended. Within a piece, a loop of
 /// the same job runs on the piece's own thread. Does not report: see detail::WorkCounter.
-void parallel_for(std::size_t n, std::size_t grain, const Execution& execution,
-                  const std::function<void(std::size_t begin, std::size_t end)>& body);
+AMPS_EXPORT void parallel_for(std::size_t n, std::size_t grain, const Execution& execution,
+                              const std::function<void(std::size_t begin, std::size_t end)>& body);
 
 namespace detail {
 
@@ -252,3 +254,5 @@ class WorkCounter {
 
 }  // namespace detail
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -5,7 +5,6 @@
 #include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <fstream>
 #include <istream>
 #include <limits>
@@ -87,18 +86,6 @@ bool parse_integer(const char*& p, const char* end, std::int64_t& value) {
   return true;
 }
 
-void append_number(std::string& out, double value) {
-#if AMPS_HAS_DOUBLE_CHARCONV
-  char digits[32];
-  out.append(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
-#else
-  std::ostringstream text;
-  text.imbue(std::locale::classic());
-  text.precision(std::numeric_limits<double>::max_digits10);
-  text << value;
-  out += text.str();
-#endif
-}
 #undef AMPS_HAS_DOUBLE_CHARCONV
 
 void append_number(std::string& out, std::int64_t value) {
@@ -106,69 +93,11 @@ void append_number(std::string& out, std::int64_t value) {
   out.append(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
 }
 
-namespace {
-
-[[noreturn]] void fail_file(const std::filesystem::path& path, const std::string& what) {
+void fail_file(const std::filesystem::path& path, const std::string& what) {
   throw Error(ErrorCode::kFileNotFound, path.string() + ": " + what);
 }
 
-// The system's word for the last error.
 std::string system_message() { return std::error_code(errno != 0 ? errno : EIO, std::generic_category()).message(); }
-
-/// Read or written between two looks: a few milliseconds.
-constexpr std::size_t kBytesPerPiece = std::size_t{1} << 22;
-
-// An open output file, closed and, unless it was completed, removed at the end of its scope.
-struct OutputFile {
-  std::filesystem::path path;
-  std::FILE* file = nullptr;
-  bool remove_it = true;
-
-  OutputFile() = default;
-  OutputFile(const OutputFile&) = delete;
-  OutputFile& operator=(const OutputFile&) = delete;
-  ~OutputFile() {
-    if (file != nullptr) std::fclose(file);
-    std::error_code ignored;
-    if (remove_it && !path.empty()) std::filesystem::remove(path, ignored);
-  }
-
-  // False (and errno) on failure. Close reports what a full disk or a network drive kept back.
-  bool write_and_close(const std::string& content, const Execution& run) {
-    errno = 0;
-    bool written = true;
-    for (std::size_t at = 0; written && at < content.size();) {
-      const std::size_t piece = std::min(content.size() - at, kBytesPerPiece);
-      written = std::fwrite(content.data() + at, 1, piece, file) == piece;
-      at += piece;
-      run.report(static_cast<double>(at) / static_cast<double>(content.size()));
-    }
-    written = written && std::fflush(file) == 0;
-    const int write_error = errno;
-    const bool closed = std::fclose(file) == 0;
-    file = nullptr;
-    if (!written) errno = write_error;
-    return written && closed;
-  }
-};
-
-// Opens a file that did not exist, in the directory of `target`.
-void open_temporary(OutputFile& output, const std::filesystem::path& target) {
-  constexpr int most_tries = 10000;  // names taken by other writers, or left by programs that were killed
-  for (int i = 0; i < most_tries; ++i) {
-    const std::filesystem::path name = target.parent_path() / (".amps-" + std::to_string(i) + ".tmp");
-    errno = 0;
-    output.file = std::fopen(name.string().c_str(), "wbx");  // x: fails if it exists, so two writers never share one
-    if (output.file != nullptr) {
-      output.path = name;
-      return;
-    }
-    if (errno != EEXIST) break;
-  }
-  fail_file(target, "cannot be created: " + system_message() + "; check that its directory exists and can be written");
-}
-
-}  // namespace
 
 std::string lower_extension(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
@@ -217,7 +146,7 @@ void write_whole_stream(std::ostream& out, const std::string& content, const Exe
     run.report(static_cast<double>(at) / static_cast<double>(content.size()));
   }
   out.flush();
-  if (!out) throw Error(ErrorCode::kFileNotFound, "stream: the mesh cannot be written to it; check what it leads to");
+  if (!out) throw Error(ErrorCode::kFileNotFound, "stream: it cannot be written to; check what it leads to");
 }
 
 std::string read_whole_file(const std::filesystem::path& path, const Execution& run) {
@@ -228,40 +157,6 @@ std::string read_whole_file(const std::filesystem::path& path, const Execution& 
   if (!in) fail_file(path, "cannot be opened: " + system_message() + "; check its name and permissions");
   const auto size = std::filesystem::file_size(path, status);
   return read_whole_stream(in, path.string(), status ? 0 : static_cast<std::size_t>(size), run);
-}
-
-void replace_file(const std::filesystem::path& path, const std::string& content, const Execution& run) {
-  namespace fs = std::filesystem;
-  std::error_code error;
-  fs::path target = path;
-  if (fs::is_symlink(path, error)) {
-    target = fs::canonical(path, error);
-    if (error) fail_file(path, "is a link to nothing: " + error.message() + "; remove it");
-  }
-  const fs::file_status status = fs::status(target, error);
-  if (fs::is_directory(status)) fail_file(path, "is a directory; name a file");
-  const bool exists = fs::exists(status);
-  const char* const remedy = "; free some space or choose another place";
-  OutputFile output;
-  if (exists && !fs::is_regular_file(status)) {  // a device or pipe: renaming would replace it by a file
-    output.remove_it = false;
-    errno = 0;
-    output.file = std::fopen(target.string().c_str(), "wb");
-    if (output.file == nullptr) fail_file(path, "cannot be opened: " + system_message() + "; check its permissions");
-    if (!output.write_and_close(content, run)) fail_file(path, "cannot be written: " + system_message() + remedy);
-    return;
-  }
-  // Renaming would get past the protection of a file, so look at it first.
-  constexpr fs::perms any_write = fs::perms::owner_write | fs::perms::group_write | fs::perms::others_write;
-  if (exists && (status.permissions() & any_write) == fs::perms::none) {
-    fail_file(path, "is read-only; change its permissions or choose another name");
-  }
-  open_temporary(output, target);
-  if (!output.write_and_close(content, run)) fail_file(path, "cannot be written: " + system_message() + remedy);
-  if (exists) fs::permissions(output.path, status.permissions(), error);  // best effort
-  fs::rename(output.path, target, error);
-  if (error) fail_file(path, "cannot be replaced: " + error.message() + "; check its permissions");
-  output.remove_it = false;
 }
 
 }  // namespace detail

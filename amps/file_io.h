@@ -3,6 +3,7 @@
 #pragma once
 
 #include "amps/base.h"
+#include "amps/decimal.h"
 #include "amps/execution.h"
 
 #include <algorithm>
@@ -66,8 +67,6 @@ bool parse_double_slowly(std::string_view token, double& value);
 /// Parses an integer at p and moves p behind it; false, and p unmoved, if there is none or it is too large.
 bool parse_integer(const char*& p, const char* end, std::int64_t& value);
 
-/// Appends the shortest decimal that reads back as the same double.
-void append_number(std::string& out, double value);
 void append_number(std::string& out, std::int64_t value);
 
 inline bool is_token_end(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\v' || c == '\f'; }
@@ -189,6 +188,9 @@ inline void append_float(std::string& out, double value) {
 /// Of the time to read or write a file: getting its bytes from the disk or there.
 inline constexpr double kShareOfDisk = 0.2;
 
+/// Read or written between two looks: a few milliseconds.
+inline constexpr std::size_t kBytesPerPiece = std::size_t{1} << 22;
+
 /// Rows formatted between two looks: some milliseconds.
 inline constexpr std::uint64_t kRowsPerLook = 1 << 13;
 
@@ -202,9 +204,25 @@ std::string read_whole_file(const std::filesystem::path& path, const Execution& 
 /// Error(kFileNotFound) if the stream fails. If cancelled, part of the content is in it.
 void write_whole_stream(std::ostream& out, const std::string& content, const Execution& run = {});
 
+/// Error(kFileNotFound) that names the file.
+[[noreturn]] void fail_file(const std::filesystem::path& path, const std::string& what);
+
+/// The system's word for the error in errno.
+std::string system_message();
+
 /// Writes a file under a temporary name in the same directory and renames it: on failure, Error(kFileNotFound), nothing has
-/// changed. A link is followed, permissions are kept, a read-only file is refused, a device or pipe is written in place.
+/// changed, and no temporary is left. A link is followed; permissions, owner and group are kept. A file with other names (hard
+/// links), and one whose owner or group cannot be given to a new file, is written in place, after what it grows by: if there is
+/// no room for that, nothing has changed. A device or pipe is written in place. Refused is a file that the caller may not
+/// write, though the directory would allow to replace it.
+///
+/// Temporaries are called .amps-0.tmp, .amps-1.tmp and so on, and locked by their writer (flock). What killed programs left is
+/// thus known, and taken away by the next writer in that directory: files of these names of the same user that nobody has
+/// locked. On Windows, which has no flock, those are taken away that are an hour old and not open.
 void replace_file(const std::filesystem::path& path, const std::string& content, const Execution& run = {});
+
+/// Throws what replace_file would throw before it writes.
+void require_replaceable(const std::filesystem::path& path);
 
 }  // namespace detail
 }  // namespace amps

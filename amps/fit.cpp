@@ -58,7 +58,7 @@ AngleCosines angle_cosines(const FitCorners& x) {
   AngleCosines result;
   for (std::size_t k = 0; k < 3; ++k) {
     const Vec3 a = x[(k + 1) % 3] - x[k], b = x[(k + 2) % 3] - x[k];
-    const double cosine = a.dot(b) / std::sqrt(a.squaredNorm() * b.squaredNorm());
+    const double cosine = dot(a, b) / std::sqrt(squared_norm(a) * squared_norm(b));
     result.of_smallest = std::max(result.of_smallest, cosine);
     result.of_largest = std::min(result.of_largest, cosine);
   }
@@ -82,12 +82,12 @@ class FitBounds {
       : triangles_(triangles), start_(start), min_edge2_(std::numeric_limits<double>::infinity()) {
     for_each_index(triangles.size(), run, [&](std::size_t f) {
       const FitCorners x = corners_at(triangles_, start_, f);
-      if (!(area_vector(x).squaredNorm() > 0)) return;
+      if (!(squared_norm(area_vector(x)) > 0)) return;
       const AngleCosines angles = angle_cosines(x);
       angles_.of_smallest = std::max(angles_.of_smallest, angles.of_smallest);
       angles_.of_largest = std::min(angles_.of_largest, angles.of_largest);
       for (std::size_t k = 0; k < 3; ++k) {
-        const double length2 = (x[(k + 1) % 3] - x[k]).squaredNorm();
+        const double length2 = squared_norm(x[(k + 1) % 3] - x[k]);
         min_edge2_ = std::min(min_edge2_, length2);
         max_edge2_ = std::max(max_edge2_, length2);
       }
@@ -105,8 +105,8 @@ class FitBounds {
   bool hold(const std::vector<Vec3>& at, std::size_t f) const {
     const FitCorners x = corners_at(triangles_, at, f), first = corners_at(triangles_, start_, f);
     const Vec3 now = area_vector(x), before = area_vector(first);
-    const double product = std::sqrt(now.squaredNorm() * before.squaredNorm());
-    if (!(product > 0 && now.dot(before) >= kCosineOfTurn * product)) return false;
+    const double product = std::sqrt(squared_norm(now) * squared_norm(before));
+    if (!(product > 0 && dot(now, before) >= kCosineOfTurn * product)) return false;
     const AngleCosines angles = angle_cosines(x);
     if (angles.of_smallest > angles_.of_smallest || angles.of_largest < angles_.of_largest) {
       const AngleCosines allowed = angle_cosines(first);
@@ -114,9 +114,9 @@ class FitBounds {
       if (angles.of_largest < std::min(angles_.of_largest, allowed.of_largest)) return false;
     }
     for (std::size_t k = 0; k < 3; ++k) {
-      const double length2 = (x[(k + 1) % 3] - x[k]).squaredNorm();
+      const double length2 = squared_norm(x[(k + 1) % 3] - x[k]);
       if (length2 >= min_edge2_ && length2 <= max_edge2_) continue;
-      const double allowed = (first[(k + 1) % 3] - first[k]).squaredNorm();
+      const double allowed = squared_norm(first[(k + 1) % 3] - first[k]);
       if (length2 < std::min(min_edge2_, allowed) || length2 > std::max(max_edge2_, allowed)) return false;
     }
     return true;
@@ -211,7 +211,7 @@ FitSample fit_sample_of(const FitPair& pair, const Vec3& normal, double tiny, do
   sample.weight = pair.weight;
   const Vec3 difference = pair.on_mesh - pair.on_input;
   sample.direction = pair.distance > tiny ? Vec3(difference / pair.distance) : normal;
-  sample.offset = sample.direction.dot(difference);
+  sample.offset = dot(sample.direction, difference);
   sample.mass = mass;
   return sample;
 }
@@ -329,7 +329,7 @@ class VertexFit {
   bool avoid_intersections(const Execution& run);
   FitCorners corners(std::size_t f) const { return corners_at(triangles_, at_, f); }
   /// Whether a point of a triangle and one of the input, where the normal is that, lie on sheets of opposed normals.
-  bool opposed(std::size_t f, const Vec3& area, const Vec3& normal) const { return sense_[f] * area.dot(normal) < 0; }
+  bool opposed(std::size_t f, const Vec3& area, const Vec3& normal) const { return sense_[f] * dot(area, normal) < 0; }
   std::vector<Vec3> moves_of(const FitSamples& samples, const Execution& run) const;
   void move_curves(std::vector<Vec3>& moves, const Execution& run) const;
   FitSamples sample_curves(const FitTriangles& edges, const Execution& run) const;
@@ -382,7 +382,7 @@ VertexFit::VertexFit(const MeshView& input, const MeshView& mesh, const FitOptio
   if (!curves_.edges.empty()) curve_tree_ = std::make_unique<const SurfaceTree>(curves_.input, run.part(0.27, 0.28));
   const double sum = ordered_sum(triangles_.size(), run, [&](std::size_t f) {
     const FitCorners x = corners(f);
-    return (x[1] - x[0]).norm() + (x[2] - x[1]).norm() + (x[0] - x[2]).norm();
+    return norm(x[1] - x[0]) + norm(x[2] - x[1]) + norm(x[0] - x[2]);
   });
   length_ = sum / static_cast<double>(3 * std::max(std::size_t{1}, triangles_.size()));
   compute_normals();
@@ -403,10 +403,10 @@ void VertexFit::compute_normals() {
         const std::size_t k = elements_.corner(i) % 3;
         const FitCorners x = corners(elements_.corner(i) / 3);
         const Vec3 a = x[(k + 1) % 3] - x[k], b = x[(k + 2) % 3] - x[k];
-        const double squares = a.squaredNorm() * b.squaredNorm();
+        const double squares = squared_norm(a) * squared_norm(b);
         if (squares > 0) sum += a.cross(b) / squares;
       }
-      const double length = sum.norm();
+      const double length = norm(sum);
       if (length > 0) normals_[v] = sum / length;
     }
   });
@@ -416,8 +416,8 @@ void VertexFit::compute_normals() {
 void VertexFit::orient(const Execution& run) {
   const std::vector<SurfaceHit> hits = tree_.nearest_all(PointsView(start_), run.part(0, 0.9));
   const auto sense_at = [&](Index v) {
-    const double dot = input_normals_[slot(hits[slot(v)].point.facet)].dot(normals_[slot(v)]);
-    return (dot > 0) - (dot < 0);
+    const double along = dot(input_normals_[slot(hits[slot(v)].point.facet)], normals_[slot(v)]);
+    return (along > 0) - (along < 0);
   };
   sense_.assign(triangles_.size(), 0);
   for_each_index(triangles_.size(), run.part(0.9, 1), [&](std::size_t f) {
@@ -460,7 +460,7 @@ FitSamples VertexFit::take_samples(Residual& residual, const Execution& run) {
   parallel_for(n, kFitGrain, run, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f) {
       const Vec3 area = area_vector(corners(f)) / 2;
-      areas[f] = area.norm();
+      areas[f] = norm(area);
       for (std::size_t q = 0; q < kRule; ++q) {
         const SurfaceHit& hit = hits[kRule * f + q];
         residual.of_triangle[f] += areas[f] / kRule * hit.distance * hit.distance;
@@ -505,7 +505,7 @@ void VertexFit::sample_input(std::vector<FitSample>& samples, std::vector<Index>
       square[i] = hit.distance * hit.distance;
       const Vec3 area = area_vector(corners(slot(hit.point.facet)));
       const Vec3& normal = input_normals_[slot(input_points_.facets[i])];
-      if (!(area.squaredNorm() > 0) || opposed(slot(hit.point.facet), area, normal)) continue;
+      if (!(squared_norm(area) > 0) || opposed(slot(hit.point.facet), area, normal)) continue;
       const FitPair pair{hit.point.position, input_points_.positions.row(static_cast<std::ptrdiff_t>(i)).transpose(),
                          hit.distance, hit.point.barycentric};
       samples[i] = fit_sample_of(pair, normal, kNoMove, input_points_.area);
@@ -529,24 +529,24 @@ FitSamples VertexFit::sample_curves(const FitTriangles& edges, const Execution& 
   result.first.push_back(0);
   for (std::size_t e = 0; e < edges.size(); ++e) {
     const Vec3 along = at_[slot(edges[e][1])] - at_[slot(edges[e][0])];
-    const double length = along.norm();
+    const double length = norm(along);
     for (std::size_t q = 0; q < 2; ++q) {
       const SurfaceHit& hit = hits[2 * e + q];
       const Index c = hit.point.facet;
       const Vec3 tangent = MeshView(curves_.input).corner(c, 1) - MeshView(curves_.input).corner(c, 0);
       // Another curve, or one that the edge does not follow.
       constexpr double kLeastCosine = 0.5;
-      if (!(std::abs(tangent.dot(along)) > kLeastCosine * tangent.norm() * length)) continue;
+      if (!(std::abs(dot(tangent, along)) > kLeastCosine * norm(tangent) * length)) continue;
       int least = 0;
       along.cwiseAbs().minCoeff(&least);
-      const Vec3 first = along.cross(Vec3(Vec3::Unit(least))).normalized();
+      const Vec3 first = normalized(along.cross(Vec3(Vec3::Unit(least))));
       const Vec3 second = along.cross(first) / length;
       const Vec3 x = positions.row(static_cast<std::ptrdiff_t>(2 * e + q)).transpose();
       for (const Vec3& direction : {first, second}) {
         FitSample sample;
         sample.weight = Vec3(1 - places[q], places[q], 0);
         sample.direction = direction;
-        sample.offset = direction.dot(x - hit.point.position);
+        sample.offset = dot(direction, x - hit.point.position);
         sample.mass = length / 2;
         result.samples.push_back(sample);
       }
@@ -587,7 +587,7 @@ std::vector<Vec3> VertexFit::moves_of(const FitSamples& samples, const Execution
   }
   const double longest = kLongestMove * length_;
   for (Vec3& move : moves) {
-    const double length = move.norm();
+    const double length = norm(move);
     if (length > longest) move *= longest / length;
     if (!(length > kNoMove)) move = Vec3::Zero();
   }
@@ -607,8 +607,8 @@ std::vector<Vec3> VertexFit::within_bounds(const std::vector<Vec3>& moves, std::
   // Below it, giving up what lies across changes no bound.
   const double least_across = 1e-3 * length_;
   for (std::size_t v = 0; v < n; ++v) {
-    const Vec3 tangential = moves[v] - moves[v].dot(normals_[v]) * normals_[v];
-    if (fit_ == Fit::kFree && curves_.on_curve[v] == 0 && tangential.norm() > least_across) across[v] = tangential;
+    const Vec3 tangential = moves[v] - dot(moves[v], normals_[v]) * normals_[v];
+    if (fit_ == Fit::kFree && curves_.on_curve[v] == 0 && norm(tangential) > least_across) across[v] = tangential;
     next[v] = place(v);
   }
   std::vector<std::size_t> look(triangles_.size()), again, back;

@@ -12,6 +12,8 @@
 // conjugate gradients. We differ from a registration in that each vertex has offsets of its own, and in the bounds that hold.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -30,7 +32,7 @@ enum class Fit {
 };
 
 /// In words: "none", "normal", "free".
-const char* name_of(Fit fit) noexcept;
+AMPS_EXPORT const char* name_of(Fit fit) noexcept;
 
 struct FitOptions {
   Fit fit = Fit::kNormal;
@@ -62,7 +64,7 @@ struct FitReport {
   int rounds = 0;       ///< that brought something
   double seconds = 0;
 };
-std::ostream& operator<<(std::ostream& out, const FitReport& report);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const FitReport& report);
 
 /// The vertices of `mesh`, moved so that its triangles lie closer to `input`: #V by 3, in the same order. The mesh's vertices
 /// lie on the input or near it, as those of remesh() do. Never is rms_after above rms_before. No triangle turns by more than
@@ -73,6 +75,9 @@ std::ostream& operator<<(std::ostream& out, const FitReport& report);
 /// Throws Error(kInvalidMesh) for an input that is not usable (require_usable), a mesh with an index out of range or a
 /// coordinate that is not finite, Error(kInvalidArgument) for options out of range; kCancelled. Thread-safe.
 /// O(#F_input log #F_input + #F_mesh log #F_input) expected.
-Points fit_vertices(const MeshView& input, const MeshView& mesh, const FitOptions& options = {}, FitReport* report = nullptr);
+AMPS_EXPORT Points fit_vertices(const MeshView& input, const MeshView& mesh, const FitOptions& options = {},
+                                FitReport* report = nullptr);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -147,7 +147,7 @@ class FitSystem {
   /// n · the directions of a vertex's unknowns.
   Vector along(const Vec3& n, std::size_t v) const {
     if constexpr (D == 1) {
-      return {n.dot(normals_[v])};
+      return {dot(n, normals_[v])};
     } else {
       return {n[0], n[1], n[2]};
     }
@@ -185,7 +185,7 @@ class FitSystem {
         const double b = sample.weight[static_cast<int>(l)];
         const std::size_t u = slot(element[l]);
         if (unknown_[u] == 0) {
-          offset += b * sample.direction.dot(displacements[u]);
+          offset += b * dot(sample.direction, displacements[u]);
           continue;
         }
         const Vector column = along(sample.direction, u);

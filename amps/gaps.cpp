@@ -31,7 +31,7 @@ void complete_gap_frame(const Vec3& n, Vec3& u, Vec3& v) {
 
 /// x − sin x for x ≥ 0. Below 0.5 by its series, whose first term left out, x^17/17!, is below 2^-53 of the result.
 double angle_minus_sine(double x) {
-  if (x >= 0.5) return x - std::sin(x);
+  if (x >= 0.5) return x - portable_sine_cosine(x).sine;
   const double y = x * x;
   double sum = 1.0;
   for (double k = 14.0; k >= 4.0; k -= 2.0) sum = 1.0 - sum * y / (k * (k + 1.0));
@@ -54,7 +54,7 @@ double FragmentGap::assign(const RestrictedPowerDiagram& diagram, const Restrict
   const Vec3 normal = normal_of(diagram.mesh(), polygon.facet);
   if (polygon.site == kNone) {  // all of it is a gap, as beside a ball that is too far away to meet it
     double extent = 0;
-    for (Index k = 1; k < polygon.size; ++k) extent = std::max(extent, (polygon.corners[k] - polygon.corners[0]).norm());
+    for (Index k = 1; k < polygon.size; ++k) extent = std::max(extent, norm(polygon.corners[k] - polygon.corners[0]));
     return assign({polygon.corners, decided_.size(), normal}, {polygon.corners[0] + 2 * extent * normal, extent * extent},
                   decided_);
   }
@@ -77,7 +77,7 @@ double FragmentGap::assign(const FragmentView& fragment, const Ball& ball, const
   double farthest_distance = -1;
   for (std::size_t k = 0; k < fragment.size; ++k) {
     if (uncovered_[k] == 0) continue;
-    const double distance = (fragment.corners[k] - ball.centre).squaredNorm();
+    const double distance = squared_norm(fragment.corners[k] - ball.centre);
     if (distance > farthest_distance) {
       farthest_distance = distance;
       farthest_ = k;
@@ -99,7 +99,7 @@ void FragmentGap::set_frame(const FragmentView& fragment, const Ball& ball) {
   complete_gap_frame(fragment.normal, axis_u_, axis_v_);
   // The plane is taken through the farthest corner, so that rounding cannot make a gap with this corner vanish in the plane:
   // its distance within the plane and the height below add up to its distance in space.
-  const double height = (farthest_corner_ - ball.centre).dot(fragment.normal);
+  const double height = dot(farthest_corner_ - ball.centre, fragment.normal);
   origin_ = ball.centre + height * fragment.normal;
   disk_ = 1.0 - (height * to_frame) * (height * to_frame);
   radius_ = disk_ > 0 ? std::sqrt(disk_) : 0.0;
@@ -108,8 +108,8 @@ void FragmentGap::set_frame(const FragmentView& fragment, const Ball& ball) {
   excess_.resize(fragment.size);
   for (std::size_t k = 0; k < fragment.size; ++k) {
     const Vec3 d = (fragment.corners[k] - ball.centre) * to_frame;
-    corners_[k] = {d.dot(axis_u_), d.dot(axis_v_)};
-    excess_[k] = corners_[k].squared_norm() - disk_;
+    corners_[k] = {dot(d, axis_u_), dot(d, axis_v_)};
+    excess_[k] = squared_norm(corners_[k]) - disk_;
     if ((excess_[k] > 0) != (uncovered_[k] != 0)) excess_[k] = uncovered_[k] != 0 ? kThinnestExcess : 0.0;
   }
 }
@@ -124,14 +124,14 @@ FragmentGap::EdgeKind FragmentGap::edge_kind(std::size_t from, std::size_t to) c
   const Point d = b - a;
   if (dot(a, d) >= 0 || dot(b, d) <= 0) return EdgeKind::kOutside;  // the nearest point to the centre is an end
   const double c = cross(a, d);
-  return c * c < disk_ * d.squared_norm() ? EdgeKind::kThrough : EdgeKind::kOutside;
+  return c * c < disk_ * squared_norm(d) ? EdgeKind::kThrough : EdgeKind::kOutside;
 }
 
 /// The first point on the circle from corner `outside` along the edge to `other`.
 FragmentGap::Point FragmentGap::crossing(std::size_t outside, std::size_t other) const {
   const Point& a = corners_[outside];
   const Point d = corners_[other] - a;
-  const double length = d.norm();
+  const double length = norm(d);
   if (!(length > 0)) return a;
   const Point direction = d / length;
   const double c = cross(a, direction);
@@ -197,7 +197,7 @@ void FragmentGap::add_whole_polygon() {
 void FragmentGap::add_ring() {
   const std::size_t n = corners_.size();
   const Point& corner = corners_[farthest_];
-  const Point touch = (radius_ / corner.norm()) * corner;
+  const Point touch = (radius_ / norm(corner)) * corner;
   const auto at = [&](std::size_t k) -> const Point& { return corners_[(farthest_ + k) % n]; };
 
   std::size_t k = 2;  // the line leaves the polygon on the edge from corner k − 1 to corner k, counted from the farthest
@@ -231,11 +231,11 @@ double FragmentGap::run_angle(std::size_t begin) const {
   if (along > 0 && std::abs(turned) < kAmbiguous * disk_) {
     double sum = 0;
     for (std::size_t k = begin; k + 1 < points_.size(); ++k) {
-      sum += std::atan2(cross(points_[k], points_[k + 1]), dot(points_[k], points_[k + 1]));
+      sum += portable_arc_tangent(cross(points_[k], points_[k + 1]), dot(points_[k], points_[k + 1]));
     }
     return std::max(0.0, sum);
   }
-  const double angle = std::atan2(turned, along);
+  const double angle = portable_arc_tangent(turned, along);
   return angle < 0 ? angle + 2 * kPi : angle;
 }
 
@@ -249,7 +249,7 @@ void FragmentGap::add_run(std::size_t begin, double angle) {
   double reach = 0;
   for (std::size_t k = begin + 1; k < end; ++k) {
     if (k + 1 < end) twice_area += cross(points_[k] - origin, points_[k + 1] - origin);
-    reach = std::max(reach, points_[k].norm());
+    reach = std::max(reach, norm(points_[k]));
   }
   double area = 0.5 * (twice_area - disk_ * angle_minus_sine(angle));
   // Thinner than rounding: as if it were one rounding error wide.
@@ -290,8 +290,7 @@ void FragmentGap::cover_run(const Run& run) {
   const double wanted = std::ceil(std::sqrt(disk_ * cube / (12.0 * run.area)));
   const int chords = static_cast<int>(std::max(2.0, std::min(wanted, enough)));
   const double step = run.angle / chords;
-  const double cosine = std::cos(step);
-  const double sine = std::sin(step);
+  const auto [sine, cosine] = portable_sine_cosine(step);
   work_.assign(points, points + size);
   std::size_t begin = 0;
   Point touch = points[0];

@@ -71,8 +71,8 @@ class FragmentGap {
     friend Point operator/(const Point& a, double s) { return {a.x / s, a.y / s}; }
     friend double dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y; }
     friend double cross(const Point& a, const Point& b) { return a.x * b.y - a.y * b.x; }
-    double squared_norm() const { return dot(*this, *this); }
-    double norm() const { return std::sqrt(squared_norm()); }
+    friend double squared_norm(const Point& a) { return dot(a, a); }
+    friend double norm(const Point& a) { return std::sqrt(dot(a, a)); }
   };
   /// A stretch of the polygon's boundary outside of the disk, points_[begin, end). With an arc, the first and last point lie
   /// on the circle and an arc of `angle` > 0 closes it; with angle 0 it is the whole polygon.

@@ -2,6 +2,8 @@
 // deterministic, ties included.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/buffers.h"
 #include "amps/execution.h"
@@ -23,23 +25,23 @@ class KdTree {
 
   /// Copies the points, so the caller's buffer may go. They must be finite; an empty set and equal points are fine.
   /// O(n log n). Cancelled, it throws Error(kCancelled).
-  explicit KdTree(const PointsView& points, const Execution& execution = {});
-  ~KdTree();
-  KdTree(KdTree&&) noexcept;
-  KdTree& operator=(KdTree&&) noexcept;
+  AMPS_EXPORT explicit KdTree(const PointsView& points, const Execution& execution = {});
+  AMPS_EXPORT ~KdTree();
+  AMPS_EXPORT KdTree(KdTree&&) noexcept;
+  AMPS_EXPORT KdTree& operator=(KdTree&&) noexcept;
 
-  Index size() const;
+  AMPS_EXPORT Index size() const;
 
   /// The nearest point, of several the one of lowest index. An empty set gives kNone.
-  Neighbor nearest(const Vec3& query) const;
+  AMPS_EXPORT Neighbor nearest(const Vec3& query) const;
 
   /// The min(k, size) nearest points, nearest first, equally near ones by index; among those equally near at the end of the
   /// list, lower indices win. Replaces the content of `result`; keep it from call to call to save allocations. k ≥ 0.
-  void k_nearest(const Vec3& query, Index k, std::vector<Neighbor>& result) const;
+  AMPS_EXPORT void k_nearest(const Vec3& query, Index k, std::vector<Neighbor>& result) const;
 
   /// All points with squared distance ≤ radius², nearest first, equally near ones by index. Replaces the content of `result`.
   /// radius ≥ 0.
-  void in_radius(const Vec3& query, double radius, std::vector<Neighbor>& result) const;
+  AMPS_EXPORT void in_radius(const Vec3& query, double radius, std::vector<Neighbor>& result) const;
 
  private:
   struct Impl;
@@ -47,3 +49,5 @@ class KdTree {
 };
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

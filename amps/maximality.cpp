@@ -55,7 +55,7 @@ class SeparationMeasure {
 
  private:
   double ratio(const WeightedPoint& p, const WeightedPoint& q) const {
-    return (p.position() - q.position()).norm() / std::sqrt(kept_apart(rule_, p.w, q.w));
+    return norm(p.position() - q.position()) / std::sqrt(kept_apart(rule_, p.w, q.w));
   }
 
   void look_at_neighbors(const Execution& execution) {
@@ -73,7 +73,7 @@ class SeparationMeasure {
         const Index j = around.adjacent[slot(k)];
         const WeightedPoint& q = diagram_.site(j);
         if (disks_ != nullptr) {
-          const double distance = (p.position() - q.position()).norm();
+          const double distance = norm(p.position() - q.position());
           if (disks_->reaches_sample(i, j)) best_ = std::min(best_, distance / std::sqrt(p.w));
           if (disks_->reaches_sample(j, i)) best_ = std::min(best_, distance / std::sqrt(q.w));
           continue;
@@ -166,13 +166,17 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
     const auto polygon = diagram.polygon(f);
     if (polygon.site == kNone) {
       report.worst_coverage = INFINITY;
+      report.worst_point = polygon.corners[0];
       ++report.gaps;
       report.gap_area += polygon.area();
       continue;
     }
     const WeightedPoint& site = diagram.site(polygon.site);
     for (Index k = 0; k < polygon.size; ++k) {
-      report.worst_coverage = std::max(report.worst_coverage, (polygon.corners[k] - site.position()).squaredNorm() / site.w);
+      const double coverage = squared_norm(polygon.corners[k] - site.position()) / site.w;
+      if (!(coverage > report.worst_coverage)) continue;
+      report.worst_coverage = coverage;
+      report.worst_point = polygon.corners[k];
     }
     if (diagram.covered(polygon)) continue;
     ++report.gaps;

@@ -6,6 +6,8 @@
 // are is measured in doubles.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
@@ -21,8 +23,9 @@ namespace amps {
 
 /// Certificate of a sample set, computed from a fresh restricted power diagram.
 struct MaximalityReport {
-  bool measured = false;      ///< false: nothing is known, as in the report of what was cancelled; it is neither, then
-  double worst_coverage = 0;  ///< max over the surface of (distance to the owner)/r, to rounding; maximal: at most 1
+  bool measured = false;            ///< false: nothing is known, as in the report of what was cancelled; it is neither, then
+  double worst_coverage = 0;        ///< max over the surface of (distance to the owner)/r, to rounding; maximal: at most 1
+  Vec3 worst_point = Vec3::Zero();  ///< where that is; of several places any. Of a facet that no disk reaches, a corner
   double worst_separation = 0;  ///< min over pairs of |p_i − p_j|/max(r_i, r_j); Poisson-disk ⇔ ≥ 1 (−1e-9); +inf: one sample.
                                 ///< With ConflictRule::kMin: of |p_i − p_j|/min(r_i, r_j). Over disks that know their surface:
                                 ///< of |p_i − p_j|/r_i for p_j in disk i; if there is none, of neighbours that i reaches
@@ -38,10 +41,11 @@ struct MaximalityReport {
 /// `curves` (optional): disks end at these, as those of remesh() do (RemeshResult::graph); with Neighborhood::kSurface only.
 /// Throws Error(kInvalidArgument) if there is no sample, one is not finite, a radius is not positive, or facets and
 /// barycentrics are given but not one a sample; kInvalidMesh; kCancelled, as find_gaps().
-MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                                ConflictRule rule = ConflictRule::kMax, Neighborhood neighborhood = Neighborhood::kSpace,
-                                const CurveGraph* curves = nullptr);
-std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
+AMPS_EXPORT MaximalityReport verify_maximal(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
+                                            ConflictRule rule = ConflictRule::kMax,
+                                            Neighborhood neighborhood = Neighborhood::kSpace,
+                                            const CurveGraph* curves = nullptr);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const MaximalityReport& report);
 
 /// The uncovered part of the surface as triangles: the gap primitives. Each triangle contains a piece of a gap (and may
 /// overlap a disk by its circular segment); their union covers all gaps.
@@ -51,8 +55,8 @@ struct GapSet {
   Index gaps = 0;             ///< uncovered fragments
   double area = 0;            ///< exact uncovered area (less than that of the primitives)
 };
-GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                 Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
+AMPS_EXPORT GapSet find_gaps(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
+                             Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
 
 namespace detail {
 
@@ -77,3 +81,5 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

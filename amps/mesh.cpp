@@ -96,15 +96,15 @@ FacetCross facet_cross(const MeshView& mesh, Index f) {
   result.cross = u.cross(v);
   // Each component carries an error below 8·2^-53·|u||v| (two rounded differences and a product each, one subtraction), far
   // under 2^-40·|u||v|: beyond that the corners are not collinear, below it the exact test decides.
-  const double bound = 0x1p-80 * u.squaredNorm() * v.squaredNorm();
-  const double square = result.cross.squaredNorm();
+  const double bound = 0x1p-80 * detail::squared_norm(u) * detail::squared_norm(v);
+  const double square = detail::squared_norm(result.cross);
   if (std::isfinite(square) && !(square > bound) && collinear(a.data(), b.data(), c.data())) result.cross.setZero();
   return result;
 }
 
 double facet_area(const MeshView& mesh, Index f) {
   const FacetCross x = facet_cross(mesh, f);
-  return 0.5 * x.cross.norm() * x.scale * x.scale;
+  return 0.5 * detail::norm(x.cross) * x.scale * x.scale;
 }
 
 // Neumaier's compensated sum, so that the total is good to a few last bits whatever the number and order of facets.
@@ -195,6 +195,55 @@ void require_usable(const MeshView& mesh, const Execution& execution) {
   }
 }
 
+Index find_wild_vertex(const MeshView& mesh, const Execution& execution) {
+  constexpr Index least_facets = 12, facets_looked_at = 63;
+  constexpr double near_by = 0.5e-6;  // in longest sides of the box, on each side
+  if (mesh.num_facets() < least_facets) return kNone;
+  const Execution run = execution.start("checking the mesh");
+  const auto counts = [&](Index f) { return facet_in_range(mesh, f) && facet_is_finite(mesh, f); };
+  Box box;
+  bool started = false;
+  for_each_watched(mesh.num_facets(), run.part(0, 0.9), [&](Index f) {
+    for (int k = 0; counts(f) && k < 3; ++k) grow_box(box, started, mesh.corner(f, k));
+  });
+  // Some corners tell where most are.
+  std::vector<double> some[3];
+  for (Index i = 0; i < facets_looked_at; ++i) {
+    const auto f = static_cast<Index>(std::int64_t{i} * mesh.num_facets() / facets_looked_at);
+    if (!counts(f)) continue;
+    for (int k = 0; k < 3; ++k) some[k].push_back(mesh.corner(f, i % 3)[k]);
+  }
+  Index wild = kNone;
+  if (!some[0].empty()) {
+    Vec3 middle;
+    for (int k = 0; k < 3; ++k) {
+      const auto median = some[k].begin() + static_cast<std::ptrdiff_t>(some[k].size() / 2);
+      std::nth_element(some[k].begin(), median, some[k].end());
+      middle[k] = *median;
+    }
+    const double reach = near_by * (box.max - box.min).maxCoeff();
+    // Of needles both ends are many; a fan around a far vertex is a needle too.
+    const std::int64_t most = std::max<std::int64_t>(6, 3 * std::int64_t{mesh.num_facets()} / 20);
+    std::int64_t far = 0;
+    double farthest = 0;
+    detail::Ticker ticker(run.part(0.9, 1), detail::slot(mesh.num_facets()), detail::kEdgesPerLook);
+    for (Index f = 0; f < mesh.num_facets() && far <= most; ++f) {
+      ticker.tick();
+      for (int k = 0; counts(f) && k < 3; ++k) {
+        const double distance = (mesh.corner(f, k) - middle).cwiseAbs().maxCoeff();
+        if (!(distance > reach)) continue;
+        ++far;
+        if (distance <= farthest) continue;
+        farthest = distance;
+        wild = mesh.triangles(f, k);
+      }
+    }
+    if (far > most) wild = kNone;
+  }
+  run.finish();
+  return wild;
+}
+
 std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution) {
   require_indices(mesh);
   const Execution run = execution.start("measuring areas");
@@ -218,7 +267,7 @@ Points facet_normals(const MeshView& mesh, const Execution& execution) {
   Points normals(mesh.num_facets());
   for_each_watched(mesh.num_facets(), run, [&](Index f) {
     const Vec3 cross = facet_cross(mesh, f).cross;
-    if (cross.squaredNorm() > 0) normals.row(f) = cross.stableNormalized().transpose();
+    if (detail::squared_norm(cross) > 0) normals.row(f) = detail::stable_normalized(cross).transpose();
   });
   run.finish();
   return normals;
@@ -359,7 +408,8 @@ MeshReport check(const MeshView& mesh, const Execution& execution) {
     report.zero_area_facets += !repeated && collinear(a.data(), b.data(), c.data()) ? 1 : 0;
   });
   report.area = area.value();
-  report.topology = topology(mesh, run.part(0.5, 1));
+  report.wild_vertex = find_wild_vertex(mesh, run.part(0.5, 0.55));
+  report.topology = topology(mesh, run.part(0.55, 1));
   run.finish();
   return report;
 }
@@ -381,7 +431,9 @@ std::ostream& operator<<(std::ostream& out, const MeshReport& report) {
       << report.non_finite_vertices << "\nout-of-range facets    " << report.out_of_range_facets << "\nrepeated-index facets  "
       << report.repeated_index_facets << "\nzero-area facets       " << report.zero_area_facets << "\nrepeated facets        "
       << report.repeated_facets << "\nduplicate vertices     " << report.duplicate_vertices << "\nisolated vertices      "
-      << report.isolated_vertices << "\nusable                 " << (report.usable() ? "yes" : "no") << '\n';
+      << report.isolated_vertices << "\nwild vertex            "
+      << (report.wild_vertex == kNone ? "none" : std::to_string(report.wild_vertex)) << "\nusable                 "
+      << (report.usable() ? "yes" : "no") << '\n';
   return out;
 }
 

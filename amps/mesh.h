@@ -1,6 +1,8 @@
 // mesh.h: the triangle mesh amps works on, what can be measured on it, and a report of what is wrong with an input.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/buffers.h"
 #include "amps/execution.h"
@@ -36,7 +38,7 @@ struct MeshView {
   Index num_facets() const { return static_cast<Index>(triangles.rows()); }
   Vec3 corner(Index facet, int k) const { return vertices[triangles(facet, k)]; }
   /// A mesh of its own, with the facets' indices as they are.
-  Mesh copy() const;
+  AMPS_EXPORT Mesh copy() const;
 };
 
 /// A point on a mesh: `position` = Σ barycentric[k] · corner k of `facet`. Interpolate UVs, colours or weights with it.
@@ -49,7 +51,13 @@ struct SurfacePoint {
 /// Throws Error(kInvalidMesh) naming the first offending vertex or facet, and what to do, if the mesh has no facet, a
 /// coordinate that is NaN or infinite, an index out of range, or an area that is 0 or infinite as a double; Error(kTooLarge)
 /// for more than 2^31 − 1 vertices or facets. Everything else works.
-void require_usable(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT void require_usable(const MeshView& mesh, const Execution& execution = {});
+
+/// A vertex so far away that no radius suits the mesh: more than 0.95 of the corners of facets lie so near to each other,
+/// beside the size of the whole, that they would be nothing to the least disks that sampling takes (10⁻⁶ of the diagonal). The
+/// farthest such vertex; kNone if there is none, as in meshes of fewer than 12 facets. Facets with a vertex that is out of
+/// range or not finite do not count. O(#F) where there is one, else next to nothing but the box.
+AMPS_EXPORT Index find_wild_vertex(const MeshView& mesh, const Execution& execution = {});
 
 // All functions of this file are O(#V + #F) expected and thread-safe. They use no thread of their Execution, and throw
 // Error(kCancelled) if stopped through it. Those below, but topology() and check(), throw Error(kInvalidMesh) for an index out
@@ -58,25 +66,25 @@ void require_usable(const MeshView& mesh, const Execution& execution = {});
 /// Area of each facet, absolute units; exactly 0 where the corners are exactly collinear, and where all three are those of an
 /// earlier facet, by position and in any order: a surface that is there twice is one. Good at any scale whose squares a double
 /// holds. total_area is a compensated sum, so it does not depend on the order of facets beyond its last bits.
-std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution = {});
-double total_area(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT double total_area(const MeshView& mesh, const Execution& execution = {});
 
 /// #F by 3 unit normals by the right-hand rule; zero rows for degenerate facets.
-Points facet_normals(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT Points facet_normals(const MeshView& mesh, const Execution& execution = {});
 
 /// Smallest box around the vertices that facets use; a point at the origin if there is no facet.
 struct Box {
   Vec3 min = Vec3::Zero();
   Vec3 max = Vec3::Zero();
-  double diagonal() const { return (max - min).norm(); }
+  double diagonal() const { return detail::norm(max - min); }
 };
-Box bounding_box(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT Box bounding_box(const MeshView& mesh, const Execution& execution = {});
 
 /// Vertices used by no facet dropped, the rest renumbered in order.
-Mesh remove_isolated_vertices(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT Mesh remove_isolated_vertices(const MeshView& mesh, const Execution& execution = {});
 
 /// Vertices with equal coordinates merged (−0 equals 0), first of each kept, in order; facets keep their number and order.
-Mesh merge_equal_vertices(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT Mesh merge_equal_vertices(const MeshView& mesh, const Execution& execution = {});
 
 /// The combinatorial shape of a mesh, facets with repeated indices left out and isolated vertices not counted.
 struct TopologyReport {
@@ -97,8 +105,8 @@ struct TopologyReport {
 };
 
 /// Facets with an index out of range are left out too; no other error.
-TopologyReport topology(const MeshView& mesh, const Execution& execution = {});
-std::ostream& operator<<(std::ostream& out, const TopologyReport& report);
+AMPS_EXPORT TopologyReport topology(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const TopologyReport& report);
 
 /// Everything a user should know about an input before sampling it.
 struct MeshReport {
@@ -111,7 +119,8 @@ struct MeshReport {
   Index repeated_facets = 0;        ///< all corners at the positions of an earlier facet's, in any order: they are left out
   Index duplicate_vertices = 0;     ///< equal coordinates to an earlier vertex
   Index isolated_vertices = 0;
-  double area = 0;  ///< without repeated facets
+  Index wild_vertex = kNone;  ///< as find_wild_vertex()
+  double area = 0;            ///< without repeated facets
   Box box;
   TopologyReport topology;  ///< of the facets whose indices are in range
   bool usable() const {
@@ -120,7 +129,9 @@ struct MeshReport {
 };
 
 /// Takes any mesh whatsoever; facets with an index out of range or a corner that is not finite count in no measure.
-MeshReport check(const MeshView& mesh, const Execution& execution = {});
-std::ostream& operator<<(std::ostream& out, const MeshReport& report);
+AMPS_EXPORT MeshReport check(const MeshView& mesh, const Execution& execution = {});
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const MeshReport& report);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

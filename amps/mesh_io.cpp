@@ -10,9 +10,9 @@
 #include <cstdint>
 #include <istream>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <ostream>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -191,6 +191,24 @@ void require_plausible(const IoSource& source, std::int64_t vertices, std::int64
   }
 }
 
+/// Do the faces of a binary file, with the number of parts of a colour behind each or, as some programs have it, without, end
+/// where the file does?
+bool off_faces_end_file(const IoSource& source, const char* p, std::int64_t faces, bool big_endian, bool colored) {
+  const auto skip = [&] {  // a number, and as many others
+    if (p > source.end() || source.end() - p < 4) return false;
+    const std::int64_t size = load_as<std::int32_t, std::uint32_t>(p, big_endian);
+    if (size < 0 || size > (source.end() - p) / 4 - 1) return false;
+    p += 4 + 4 * size;
+    return true;
+  };
+  constexpr std::int64_t faces_per_look = 1 << 20;
+  for (std::int64_t f = 0; f < faces; ++f) {
+    if (f % faces_per_look == 0) source.run.report(0);
+    if (!skip() || (colored && !skip())) return false;
+  }
+  return p == source.end();
+}
+
 Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   const IoSource& source = text.source;
   const char* p = text.p;
@@ -199,12 +217,13 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   };
   need(12, "the counts");
   const std::int64_t stride = 4 * header.floats_per_vertex;
-  // Big-endian by definition, but some programs write the order of their machine: counts that fit tell.
+  // Big-endian by definition, but some programs write the order of their machine: counts that fit tell. A face takes four bytes
+  // at least, and four more with its colours.
   const auto plausible = [&](bool big_endian) {
     const std::int64_t left = source.end() - p - 12;
     const std::int64_t v = load_as<std::int32_t, std::uint32_t>(p, big_endian);
     const std::int64_t f = load_as<std::int32_t, std::uint32_t>(p + 4, big_endian);
-    return v >= 0 && f >= 0 && v <= left / stride && f <= left / 8;
+    return v >= 0 && f >= 0 && v <= left / stride && f <= left / 4;
   };
   const bool big_endian = plausible(true) || !plausible(false);
   const auto next_int = [&p, big_endian] {
@@ -213,7 +232,9 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   };
   const std::int64_t vertices = next_int(), faces = next_int();
   next_int();  // edges
-  require_plausible(source, vertices, faces, stride, 8, source.end() - p);
+  require_plausible(source, vertices, faces, stride, 4, source.end() - p);
+  const bool colored = !off_faces_end_file(source, p + stride * vertices, faces, big_endian, false) ||
+                       off_faces_end_file(source, p + stride * vertices, faces, big_endian, true);
   MeshBuilder builder(source);
   builder.reserve(static_cast<std::size_t>(vertices), static_cast<std::size_t>(faces));
   for (std::int64_t v = 0; v < vertices; ++v, p += stride) {
@@ -230,14 +251,14 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
     need(4, "the faces");
     const std::int64_t size = next_int();
     if (size < 0) source.fail_byte(p - 4, "a face of " + std::to_string(size) + " corners; it is not a binary OFF file");
-    need(4 * size + 4, "the faces");
+    need(4 * size + (colored ? 4 : 0), "the faces");
     corners.clear();
     for (std::int64_t k = 0; k < size; ++k) {
       const std::int64_t index = next_int();
       if (index < 0 || index >= vertices) fail_index(source, p - 4, index, vertices, 0, true);
       corners.push_back(static_cast<Index>(index));
     }
-    const std::int64_t colors = next_int();
+    const std::int64_t colors = colored ? next_int() : 0;
     if (colors < 0) source.fail_byte(p - 4, "a colour of " + std::to_string(colors) + " parts; it is not a binary OFF file");
     need(4 * colors, "the faces");
     p += 4 * colors;
@@ -541,7 +562,7 @@ std::string format_ply(const MeshView& mesh, const MeshWriteOptions& options, co
 
 /// Places of the labels, those of one number one after another: numbers in the order in which they come.
 std::vector<std::size_t> group_by_group(const std::vector<Index>& labels) {
-  std::unordered_map<Index, std::size_t> rank;
+  std::map<Index, std::size_t> rank;
   for (const Index label : labels) rank.emplace(label, rank.size());
   std::vector<std::size_t> order(labels.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -692,5 +713,13 @@ void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const M
   detail::replace_file(path, data, run.part(1 - detail::kShareOfDisk, 1));
   run.finish();
 }
+
+void write_file(const std::filesystem::path& path, const std::string& content, const Execution& execution) {
+  const Execution run = execution.start("writing");
+  detail::replace_file(path, content, run);
+  run.finish();
+}
+
+void require_writable_file(const std::filesystem::path& path) { detail::require_replaceable(path); }
 
 }  // namespace amps

@@ -6,6 +6,8 @@
 // (binary), the trouble and the remedy.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -26,8 +28,8 @@ enum class SampleFormat { kXyzr, kPly, kCsv };
 
 /// The format a file name's extension stands for, upper or lower case (.obj .off .ply .stl; .xyzr .ply .csv). The file need
 /// not exist. Throws Error(kFileFormat) for any other extension.
-MeshFormat mesh_format(const std::filesystem::path& path);
-SampleFormat sample_format(const std::filesystem::path& path);
+AMPS_EXPORT MeshFormat mesh_format(const std::filesystem::path& path);
+AMPS_EXPORT SampleFormat sample_format(const std::filesystem::path& path);
 
 /// Reads a triangle mesh. Polygons, concave ones and those with bridges to holes too, are cut into triangles that tile them,
 /// keeping their orientation; Mesh::polygons says whose each triangle is, Mesh::crossing_polygons which cross themselves and
@@ -40,11 +42,13 @@ SampleFormat sample_format(const std::filesystem::path& path);
 /// a coordinate that is not a finite number, an index out of range, counts larger than the file), kTooLarge (more vertices or
 /// facets than an Index counts). O(file size) time; memory a small multiple of the file. Thread-safe.
 /// Stopped through `execution`, as all functions here can be: kCancelled, and no file is touched. Its threads are not used.
-Mesh read_mesh(const std::filesystem::path& path, const Execution& execution = {});
+AMPS_EXPORT Mesh read_mesh(const std::filesystem::path& path, const Execution& execution = {});
 
 /// The same from a stream, read to its end (open it in binary mode), or from memory. `name` stands for the file in errors.
-Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name = "stream", const Execution& execution = {});
-Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name = "memory", const Execution& execution = {});
+AMPS_EXPORT Mesh read_mesh(std::istream& in, MeshFormat format, const std::string& name = "stream",
+                           const Execution& execution = {});
+AMPS_EXPORT Mesh parse_mesh(std::string_view data, MeshFormat format, const std::string& name = "memory",
+                            const Execution& execution = {});
 
 /// What an OBJ file marks besides its facets, such as curves to be kept (CurveOptions::edges, vertices). Vertices have the
 /// numbers that read_mesh() gives them.
@@ -59,9 +63,9 @@ struct MeshMarks {
 /// Reads the lines and points of an OBJ file; all else in it is skipped unread, but for the number of vertices. Lines of fewer
 /// than two vertices hold no edge. Throws as read_mesh; kFileFormat for other formats, which have no lines, and for an index
 /// that is none of a vertex. Lines and points may come before their vertices. O(file size). Thread-safe.
-MeshMarks read_mesh_marks(const std::filesystem::path& path, const Execution& execution = {});
-MeshMarks parse_mesh_marks(std::string_view data, MeshFormat format, const std::string& name = "memory",
-                           const Execution& execution = {});
+AMPS_EXPORT MeshMarks read_mesh_marks(const std::filesystem::path& path, const Execution& execution = {});
+AMPS_EXPORT MeshMarks parse_mesh_marks(std::string_view data, MeshFormat format, const std::string& name = "memory",
+                                       const Execution& execution = {});
 
 struct MeshWriteOptions {
   /// PLY as text instead of binary_little_endian. Both hold doubles exactly.
@@ -83,20 +87,28 @@ struct MeshWriteOptions {
 /// the shortest that read back exactly (at most 17 significant digits), those in PLY are doubles. STL is binary and keeps
 /// single precision only.
 ///
-/// The file is written under a temporary name in the same directory and renamed when complete, so a failure leaves what was
-/// there before, and no temporary. An existing file keeps its permissions; a link is followed; a device or pipe is written in
-/// place. Throws Error: kFileNotFound (no directory, no permission, disk full), kFileFormat (unknown extension), kInvalidMesh
-/// (coordinates that are not finite, or not in single precision for STL; indices out of range), kInvalidArgument (labels that
-/// are not one a facet; a name of them that is no name). O(#V + #F).
-void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options = {},
-                const Execution& execution = {});
+/// The file is written under a temporary name (.amps-0.tmp) in the same directory and renamed when complete, so a failure
+/// leaves what was there before, and no temporary. What a killed program left, the next writer takes away. An existing file
+/// keeps its permissions and owner; a link is followed; a file with other names (hard links) or of an owner that cannot be kept
+/// so is written in place, as is a device or pipe; one that the caller may not write is refused. Access control lists are not
+/// carried over. Throws Error: kFileNotFound (no directory, no permission, disk full), kFileFormat (unknown extension),
+/// kInvalidMesh (coordinates that are not finite, or not in single precision for STL; indices out of range), kInvalidArgument
+/// (labels that are not one a facet; a name of them that is no name). O(#V + #F).
+AMPS_EXPORT void write_mesh(const std::filesystem::path& path, const MeshView& mesh, const MeshWriteOptions& options = {},
+                            const Execution& execution = {});
 
 /// The same to a stream (open it in binary mode; Error(kFileNotFound) if it fails; when cancelled, part of the mesh may be in
 /// it), or to memory.
-void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},
-                const Execution& execution = {});
-std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},
-                        const Execution& execution = {});
+AMPS_EXPORT void write_mesh(std::ostream& out, const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},
+                            const Execution& execution = {});
+AMPS_EXPORT std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWriteOptions& options = {},
+                                    const Execution& execution = {});
+
+/// Any content, such as a picture or a table beside a mesh, is written to a file as meshes are.
+AMPS_EXPORT void write_file(const std::filesystem::path& path, const std::string& content, const Execution& execution = {});
+
+/// Throws the Error(kFileNotFound) that writers would throw before they write, if it can be known: for a look before the work.
+AMPS_EXPORT void require_writable_file(const std::filesystem::path& path);
 
 /// Reads a sample set. .xyzr: four numbers a line; blank lines and `#` comments are skipped. .csv: a header line naming the
 /// columns x, y, z, radius (or r) and, optionally, facet, b0, b1, b2 and dimension, curve, parameter, in any order; other
@@ -105,27 +117,34 @@ std::string format_mesh(const MeshView& mesh, MeshFormat format, const MeshWrite
 /// Throws as read_mesh, and kFileFormat for a radius that is not > 0, a facet that is not an index, a file with no sample,
 /// a place on the curves that SampleSet does not know: a dimension other than 0, 1, 2, a curve that is not an index (−1 for
 /// dimension 2), a parameter < 0, or one other than 0 off the curves.
-SampleSet read_samples(const std::filesystem::path& path, const Execution& execution = {});
-SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name = "memory",
-                        const Execution& execution = {});
+AMPS_EXPORT SampleSet read_samples(const std::filesystem::path& path, const Execution& execution = {});
+AMPS_EXPORT SampleSet read_samples(std::istream& in, SampleFormat format, const std::string& name = "stream",
+                                   const Execution& execution = {});
+AMPS_EXPORT SampleSet parse_samples(std::string_view data, SampleFormat format, const std::string& name = "memory",
+                                    const Execution& execution = {});
 
 /// Writes a sample set so that reading it gives the same bits; .ply (binary) and .csv carry facets and barycentrics, and
 /// dimensions, curves and parameters, if present; .xyzr never. Files are replaced as by write_mesh. Throws as write_mesh, and
 /// kInvalidArgument for a set that is empty, whose arrays differ in length, or with a value read_samples would refuse.
-void write_samples(const std::filesystem::path& path, const SampleSet& samples, const Execution& execution = {});
-std::string format_samples(const SampleSet& samples, SampleFormat format, const Execution& execution = {});
+AMPS_EXPORT void write_samples(const std::filesystem::path& path, const SampleSet& samples, const Execution& execution = {});
+AMPS_EXPORT void write_samples(std::ostream& out, const SampleSet& samples, SampleFormat format,
+                               const Execution& execution = {});
+AMPS_EXPORT std::string format_samples(const SampleSet& samples, SampleFormat format, const Execution& execution = {});
 
 /// Reads numbers, any white space between, `#` comments skipped: one value a vertex, say, for vertex_sizing. Their count is for
 /// the user to compare. Throws Error: kFileNotFound, kFileFormat (something that is no finite number, naming the line; no
 /// number).
-std::vector<double> read_values(const std::filesystem::path& path, const Execution& execution = {});
-std::vector<double> parse_values(std::string_view data, const std::string& name = "memory", const Execution& execution = {});
+AMPS_EXPORT std::vector<double> read_values(const std::filesystem::path& path, const Execution& execution = {});
+AMPS_EXPORT std::vector<double> parse_values(std::string_view data, const std::string& name = "memory",
+                                             const Execution& execution = {});
 
 /// A scalar property of the vertices of a PLY file, by its name ("quality", "radius", ...): one value a vertex. Throws as
 /// read_mesh, and kFileFormat if the vertices have no such property or a value is not finite.
-std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property,
-                                         const Execution& execution = {});
-std::vector<double> parse_vertex_property(std::string_view data, const std::string& property,
-                                          const std::string& name = "memory", const Execution& execution = {});
+AMPS_EXPORT std::vector<double> read_vertex_property(const std::filesystem::path& path, const std::string& property,
+                                                     const Execution& execution = {});
+AMPS_EXPORT std::vector<double> parse_vertex_property(std::string_view data, const std::string& property,
+                                                      const std::string& name = "memory", const Execution& execution = {});
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

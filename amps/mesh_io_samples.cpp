@@ -8,7 +8,9 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <istream>
 #include <limits>
+#include <ostream>
 #include <utility>
 #include <vector>
 
@@ -313,6 +315,14 @@ SampleSet read_samples(const std::filesystem::path& path, const Execution& execu
   return samples;
 }
 
+SampleSet read_samples(std::istream& in, SampleFormat format, const std::string& name, const Execution& execution) {
+  const Execution run = execution.start("reading");
+  const std::string data = detail::read_whole_stream(in, name, 0, run.part(0, detail::kShareOfDisk));
+  SampleSet samples = parse_samples(data, format, name, run.part(detail::kShareOfDisk, 1));
+  run.finish();
+  return samples;
+}
+
 std::string format_samples(const SampleSet& samples, SampleFormat format, const Execution& execution) {
   const Execution run = execution.start("writing");
   const detail::ColumnsOfSet has = detail::columns_of(samples);
@@ -355,6 +365,13 @@ void write_samples(const std::filesystem::path& path, const SampleSet& samples, 
   const Execution run = execution.start("writing");
   const std::string data = format_samples(samples, format, run.part(0, 1 - detail::kShareOfDisk));
   detail::replace_file(path, data, run.part(1 - detail::kShareOfDisk, 1));
+  run.finish();
+}
+
+void write_samples(std::ostream& out, const SampleSet& samples, SampleFormat format, const Execution& execution) {
+  const Execution run = execution.start("writing");
+  const std::string data = format_samples(samples, format, run.part(0, 1 - detail::kShareOfDisk));
+  detail::write_whole_stream(out, data, run.part(1 - detail::kShareOfDisk, 1));
   run.finish();
 }
 

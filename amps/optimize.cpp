@@ -5,6 +5,7 @@
 #include "amps/gap_filling.h"
 #include "amps/gaps.h"
 #include "amps/maximality.h"
+#include "amps/portable_math.h"
 #include "amps/refill.h"
 #include "amps/sample_edit.h"
 #include "amps/disk_set.h"
@@ -417,7 +418,7 @@ class TimeEstimate {
   double share(double energy, double giving_up) {
     if (first_energy_ == 0) first_energy_ = energy;
     if (!(energy > 0)) return 1;
-    const double by_energy = 1 - std::pow(std::min(1.0, energy / first_energy_), exponent_);
+    const double by_energy = 1 - portable_power(std::min(1.0, energy / first_energy_), exponent_);
     return by_energy + (1 - by_energy) * giving_up;
   }
 
@@ -714,7 +715,8 @@ double optimization_cost(const OptimizeOptions& options, double samples, bool un
   constexpr double kUsualCost = 9, kMinCost = 6, kGrowthPerDegree = 0.28, kUsualTightness = 5;
   const auto [low, high] = bounds_of(options, uniform);
   if (!options.angles) return kMinCost * samples;
-  return samples * std::max(kMinCost, kUsualCost * std::exp(kGrowthPerDegree * (tightness_of(low, high) - kUsualTightness)));
+  return samples *
+         std::max(kMinCost, kUsualCost * portable_exp(kGrowthPerDegree * (tightness_of(low, high) - kUsualTightness)));
 }
 
 OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samples, const OptimizeSurface& surface,

@@ -9,6 +9,8 @@
 // only for those that promise to be better, and decides: it is exact, the copy is not.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -79,7 +81,7 @@ struct OptimizeReport {
   Index removed = 0;           ///< samples of the input that are gone
   Index added = 0;             ///< samples of the result that are new
 };
-std::ostream& operator<<(std::ostream& out, const OptimizeReport& report);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const OptimizeReport& report);
 
 struct OptimizeResult {
   SampleSet
@@ -91,10 +93,10 @@ struct OptimizeResult {
 /// is the best state so far, a maximal Poisson-disk set as well. Throws as verify_maximal, and Error(kInvalidArgument) for
 /// options out of range or a sizing field of another mesh, kTooLarge for radii out of proportion to the mesh. About 8 µs a
 /// sample to the paper's bounds. Thread-safe.
-OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const OptimizeOptions& options);
+AMPS_EXPORT OptimizeResult optimize(const MeshView& mesh, const SampleSet& samples, const OptimizeOptions& options);
 
 /// Convergence as text, a line an iteration: "iteration,bad_triangles,bad_vertices,min_angle,max_angle,samples,energy,seconds".
-void write_convergence(std::ostream& out, const OptimizeReport& report);
+AMPS_EXPORT void write_convergence(std::ostream& out, const OptimizeReport& report);
 
 namespace detail {
 
@@ -128,3 +130,5 @@ OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samp
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

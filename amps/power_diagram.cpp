@@ -16,7 +16,7 @@ using detail::slot;
 double RestrictedPowerDiagram::Polygon::area() const {
   Vec3 sum = Vec3::Zero();
   for (Index k = 2; k < size; ++k) sum += (corners[k - 1] - corners[0]).cross(corners[k] - corners[0]);
-  return 0.5 * sum.stableNorm();  // areas of 1e±200 have squares out of range
+  return 0.5 * detail::stable_norm(sum);  // areas of 1e±200 have squares out of range
 }
 
 // Construction
@@ -97,7 +97,7 @@ void RestrictedPowerDiagram::clear() {
 /// power at least 12 diagonals² − w, and a site in the box that is not lighter at most 1 diagonal² − w: while there is such a
 /// guard, no sentinel owns anything on the mesh.
 std::array<WeightedPoint, RestrictedPowerDiagram::kSentinels> RestrictedPowerDiagram::sentinels() const {
-  const double reach = 4 * (high_ - low_).norm() / std::sqrt(3.0);
+  const double reach = 4 * detail::norm(high_ - low_) / std::sqrt(3.0);
   const Vec3 centre = low_ + (high_ - low_) / 2;
   const double sign[kSentinels][3] = {{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}};
   std::array<WeightedPoint, kSentinels> result{};
@@ -163,7 +163,7 @@ void RestrictedPowerDiagram::measure_facets(const Execution& execution) {
     double longest = 0, largest = 0;
     for (int c = 0; c < 3; ++c) {
       const Vec3 corner = mesh_.corner(facet, c);
-      longest = std::max(longest, (corner - mesh_.corner(facet, (c + 1) % 3)).squaredNorm());
+      longest = std::max(longest, detail::squared_norm(corner - mesh_.corner(facet, (c + 1) % 3)));
       largest = std::max(largest, corner.cwiseAbs().maxCoeff());
     }
     const Vec3 a = mesh_.corner(facet, 0), b = mesh_.corner(facet, 1), c = mesh_.corner(facet, 2);
@@ -176,7 +176,7 @@ void RestrictedPowerDiagram::measure_facets(const Execution& execution) {
 
 RestrictedPowerDiagram::Plane RestrictedPowerDiagram::plane(Index owner, Index other) const {
   const WeightedPoint &p = site(owner), &q = site(other);
-  const double d2 = (q.position() - p.position()).squaredNorm();
+  const double d2 = detail::squared_norm(q.position() - p.position());
   const double dw = p.w - q.w;
   return {((d2 + dw) - detail::kOffsetSlack * (d2 + std::fabs(dw))) / (2 * std::sqrt(d2)), other};
 }
@@ -332,7 +332,7 @@ double RestrictedPowerDiagram::reach(Index f) const {
   if (fragment.site == kNone) return INFINITY;
   const WeightedPoint& owner = site(fragment.site);
   const Vec3 offset(fragment.centre[0] - owner.x, fragment.centre[1] - owner.y, fragment.centre[2] - owner.z);
-  return (offset.norm() + fragment.radius) * (1 + detail::kOffsetSlack) + largest_facet_error_;
+  return (detail::norm(offset) + fragment.radius) * (1 + detail::kOffsetSlack) + largest_facet_error_;
 }
 
 /// Sets the ball around the corners. Floats carry 2^-24 of the coordinates, or lose up to 2^-127 to underflow; more than that
@@ -347,10 +347,10 @@ void RestrictedPowerDiagram::bound(Fragment& fragment) {
   }
   const Vec3 centre = 0.5 * (low + high);
   double farthest = 0;
-  for (Index k = 0; k < fragment.size; ++k) farthest = std::max(farthest, (corner[k] - centre).squaredNorm());
+  for (Index k = 0; k < fragment.size; ++k) farthest = std::max(farthest, detail::squared_norm(corner[k] - centre));
   for (int a = 0; a < 3; ++a) fragment.centre[slot(a)] = static_cast<float>(centre[a]);
-  fragment.radius =
-      static_cast<float>(std::sqrt(farthest) * (1 + kFloatSlack) + kFloatSlack * centre.cwiseAbs().sum() + kFloatUnderflow);
+  fragment.radius = static_cast<float>(std::sqrt(farthest) * (1 + kFloatSlack) + kFloatSlack * detail::sum(centre.cwiseAbs()) +
+                                       kFloatUnderflow);
 }
 
 /// The owner of every mesh vertex that a facet uses, found by walking from the last one over ever nearer neighbours.
@@ -667,8 +667,8 @@ std::string RestrictedPowerDiagram::find_violation(const Execution& execution) c
       sum += polygon(f).area();
     }
     const Vec3 a = mesh_.corner(facet, 0), b = mesh_.corner(facet, 1), c = mesh_.corner(facet, 2);
-    const double area = 0.5 * (b - a).cross(c - a).stableNorm();
-    const double longest = std::max({(b - a).stableNorm(), (c - b).stableNorm(), (a - c).stableNorm()});
+    const double area = 0.5 * detail::stable_norm((b - a).cross(c - a));
+    const double longest = std::max({detail::stable_norm(b - a), detail::stable_norm(c - b), detail::stable_norm(a - c)});
     // Corners are off by facet_error_, fragments by that along their borders of at most 4 longest edges each.
     const double rounding = 4 * longest * facet_error_[slot(facet)] * (count + 1);
     if (facet_error_[slot(facet)] < 0) {

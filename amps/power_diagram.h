@@ -22,6 +22,8 @@
 // Thread-safety: const members may be called concurrently.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -51,7 +53,7 @@ class RestrictedPowerDiagram {
     const Index* labels = nullptr;
     Index size = 0;
     /// Area, absolute units.
-    double area() const;
+    AMPS_EXPORT double area() const;
   };
 
   /// The diagram of the given sites (#S by 3, #S weights; ids are rows). Views are not copied: the mesh's buffers must outlive
@@ -59,8 +61,8 @@ class RestrictedPowerDiagram {
   /// has, at the same positions and in any order: they are that facet again, and would double all that is dual to it. Throws
   /// Error: kInvalidMesh (require_usable), kInvalidArgument (a site not finite, no site at all). Expected O(n log n +
   /// #fragments); facets are split over the threads of `execution`, with the same result for any number.
-  RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
-                         const Execution& execution = {});
+  AMPS_EXPORT RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
+                                     const Execution& execution = {});
 
   /// The same over disks that know their surface: `reach` (null: as above) lists the facets that each site reaches, before it
   /// enters by any member below, and until it is removed. It must outlive the diagram.
@@ -84,7 +86,7 @@ class RestrictedPowerDiagram {
   Index fragment_capacity() const { return static_cast<Index>(fragments_.size()); }
   Index num_fragments() const { return num_fragments_; }
   bool alive(Index f) const { return fragments_[static_cast<std::size_t>(f)].size != 0; }
-  Polygon polygon(Index f) const;
+  AMPS_EXPORT Polygon polygon(Index f) const;
 
   /// Is the facet divided among the sites that reach it, and not as the diagram of all sites is? Once it is, it stays so.
   bool local(Index facet) const { return !local_.empty() && local_[static_cast<std::size_t>(facet)] != 0; }
@@ -98,33 +100,33 @@ class RestrictedPowerDiagram {
 
   /// An upper bound of the distance from a fragment's site to the fragment's corners, without a look at the corners; infinite
   /// without a site. O(1).
-  double reach(Index f) const;
+  AMPS_EXPORT double reach(Index f) const;
 
   /// Is the owner's ball (radius² = weight, closed) without corner k of the fragment? +1 yes, 0 the corner lies on the sphere,
   /// −1 no. Exact: the corner is the symbolic one, however its coordinates are rounded. O(1).
-  int power_at_corner(const Polygon& polygon, Index k) const;
+  AMPS_EXPORT int power_at_corner(const Polygon& polygon, Index k) const;
   /// Does the owner's ball cover the fragment? Exact: both are convex, so it does iff no corner is without. The surface is
   /// covered iff all fragments are, see predicates.h. O(size).
-  bool covered(const Polygon& polygon) const;
+  AMPS_EXPORT bool covered(const Polygon& polygon) const;
 
   /// Inserts a site and updates the fragments of its neighbours; returns its id, num_sites() before. `near`: a site close to it
   /// (kNone: anywhere). Expected O(1) with a good hint on Poisson-disk-like sets. Throws Error(kInvalidArgument) if not finite.
-  Index insert(const Vec3& position, double weight, Index near = kNone);
+  AMPS_EXPORT Index insert(const Vec3& position, double weight, Index near = kNone);
 
   /// Removes a site, visible or not: its neighbours, and sites that it has hidden, share its fragments. The diagram is then
   /// that of the other sites alone, bit by bit; what has a fragment in none of the facets that it had one in stays untouched.
   /// Other ids stay valid, and this one is not given out again but by reinsert(). Expected O(1) on Poisson-disk-like sets.
   /// Throws Error(kInvalidArgument) if there is no such site, or no other one: a diagram has at least one site.
-  void remove(Index s);
+  AMPS_EXPORT void remove(Index s);
 
   /// Puts a removed id back to use, elsewhere and with another weight if you like. `near`, cost and errors as insert(), and
   /// kInvalidArgument if s is not a removed id.
-  void reinsert(Index s, const Vec3& position, double weight, Index near = kNone);
+  AMPS_EXPORT void reinsert(Index s, const Vec3& position, double weight, Index near = kNone);
 
   /// Moves the polygons together in memory if more than half of their room is unused. Edits do that themselves, but only once
   /// three quarters are: for a million sites it takes a tenth of a second. Between edits, and with looks for a cancel: then it
   /// throws Error(kCancelled), and nothing has changed. Polygons seen before are void.
-  void compact(const Execution& execution);
+  AMPS_EXPORT void compact(const Execution& execution);
 
   /// Slots of fragments that the last insert(), remove() or reinsert() created, changed or freed (then not alive), ascending,
   /// each once.
@@ -135,24 +137,24 @@ class RestrictedPowerDiagram {
   /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending. Four far sentinel sites
   /// take part in space, so sites on the outside may lack neighbours across large distances; never ones that share a fragment's
   /// edge.
-  void neighbors(Index s, std::vector<Index>& out) const;
+  AMPS_EXPORT void neighbors(Index s, std::vector<Index>& out) const;
   /// The same for all sites at once.
-  RegularTriangulation::Adjacency adjacency(const Execution& execution = {}) const;
+  AMPS_EXPORT RegularTriangulation::Adjacency adjacency(const Execution& execution = {}) const;
 
   /// One dual triangle for each vertex where three cells meet inside a facet: (i, j, k) counter-clockwise in the orientation of
   /// that facet, i the smallest. `facets` (optional): the facet of each. A triple appears as often as its cells meet; of the
   /// triangulation are those that do so an odd number of times (remesh.h).
-  Triangles dual_triangles(std::vector<Index>* facets = nullptr, const Execution& execution = {}) const;
+  AMPS_EXPORT Triangles dual_triangles(std::vector<Index>* facets = nullptr, const Execution& execution = {}) const;
 
   /// Restricted cell area per site, absolute units; they sum to total_area().
-  std::vector<double> cell_areas(const Execution& execution = {}) const;
+  AMPS_EXPORT std::vector<double> cell_areas(const Execution& execution = {}) const;
 
   /// Wall-clock seconds the constructor spent on the triangulation (the rest went into the fragments).
   double seconds_triangulation() const { return seconds_triangulation_; }
 
   /// Re-proves the invariants: lists and polygons well formed, labels symmetric, fragments of a facet tile its area (relative
   /// 1e-9), every corner nearest in power to its owner among the owner's neighbours. "" or the first violation. O(#fragments).
-  std::string check(const Execution& execution = {}) const;
+  AMPS_EXPORT std::string check(const Execution& execution = {}) const;
 
  private:
   /// Far sentinel sites come first in the triangulation: they own nothing on the mesh, and make every set three-dimensional.
@@ -299,3 +301,5 @@ struct DiagramCosts {
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

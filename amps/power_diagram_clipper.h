@@ -31,7 +31,7 @@ class SideFilter {
       : difference_(other.position() - owner.position()),
         sum_(other.position() + owner.position()),
         weights_(owner.w - other.w),
-        gradient_(difference_.cwiseAbs().sum()),
+        gradient_(sum(difference_.cwiseAbs())),
         weight_error_(kSideRounding * std::fabs(weights_)) {}
 
   /// The side of x, known to `error` (which must include kPositionRounding of the coordinates: the sum above has that rounding
@@ -46,7 +46,7 @@ class SideFilter {
   }
 
   /// |∇D|, for surely_inside.
-  double slope() const noexcept { return 2 * (1 + kOffsetSlack) * difference_.norm(); }
+  double slope() const noexcept { return 2 * (1 + kOffsetSlack) * norm(difference_); }
 
   /// True only if all points within `radius` of x are on the owner's side. NaN and infinity give false.
   bool surely_inside(const Vec3& x, double radius, double error, double slope) const noexcept {
@@ -176,7 +176,7 @@ class RestrictedPowerDiagram::Clipper {
   /// No plane at a greater offset from the owner reaches the polygon.
   double security_radius() const {
     double farthest = 0;
-    for (const Vec3& x : corners_) farthest = std::max(farthest, (x - owner_position_).squaredNorm());
+    for (const Vec3& x : corners_) farthest = std::max(farthest, detail::squared_norm(x - owner_position_));
     return std::sqrt(farthest) * (1 + detail::kOffsetSlack) + position_error_;
   }
 

@@ -300,12 +300,12 @@ void RestrictedPowerDiagram::find_possible_owners(Index f, const std::vector<Ind
   const auto slack = [](double d, double w) { return detail::kOffsetSlack * (d * d + std::fabs(w)); };
   double max_power = INFINITY;
   for (const Index candidate : candidates) {
-    const double d = (site(candidate).position() - centre).norm() + radius, w = site(candidate).w;
+    const double d = detail::norm(site(candidate).position() - centre) + radius, w = site(candidate).w;
     max_power = std::min(max_power, d * d - w + slack(d, w));
   }
   possible_owners.clear();
   for (const Index candidate : candidates) {
-    const double d = std::max((site(candidate).position() - centre).norm() - radius, 0.0), w = site(candidate).w;
+    const double d = std::max(detail::norm(site(candidate).position() - centre) - radius, 0.0), w = site(candidate).w;
     if (!(d * d - w - slack(d, w) > max_power)) possible_owners.push_back(candidate);  // NaN, from overflow, decides nothing
   }
 }

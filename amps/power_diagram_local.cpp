@@ -35,13 +35,13 @@ bool ball_may_meet(const RestrictedPowerDiagram::Polygon& polygon, const Vec3& n
   bool above_inside = true;
   for (Index k = 0; k < polygon.size; ++k) {
     const Vec3 a = polygon.corners[k], along = polygon.corners[k + 1 == polygon.size ? 0 : k + 1] - a;
-    const double length2 = along.squaredNorm();
-    const double t = length2 > 0 ? std::min(std::max((p - a).dot(along) / length2, 0.0), 1.0) : 0.0;
-    nearest = std::min(nearest, (a + t * along - p).squaredNorm());
-    above_inside = above_inside && normal.cross(along).dot(p - a) >= 0;
+    const double length2 = squared_norm(along);
+    const double t = length2 > 0 ? std::min(std::max(dot(p - a, along) / length2, 0.0), 1.0) : 0.0;
+    nearest = std::min(nearest, squared_norm(a + t * along - p));
+    above_inside = above_inside && dot(normal.cross(along), p - a) >= 0;
   }
   if (above_inside) {
-    const double height = (p - polygon.corners[0]).dot(normal);
+    const double height = dot(p - polygon.corners[0], normal);
     nearest = std::min(nearest, height * height);
   }
   const double radius = std::sqrt(ball.w) * (1 + kSlack) + error;
@@ -71,7 +71,7 @@ bool RestrictedPowerDiagram::is_foreign(Index f) const {
   const WeightedPoint& owner = site(fragment.site);
   const Vec3 offset(fragment.centre[0] - owner.x, fragment.centre[1] - owner.y, fragment.centre[2] - owner.z);
   const double error = facet_error_[slot(fragment.facet)];
-  const double beyond = offset.norm() * (1 - detail::kOffsetSlack) - fragment.radius - error;
+  const double beyond = detail::norm(offset) * (1 - detail::kOffsetSlack) - fragment.radius - error;
   if (beyond > 0 && beyond * beyond > owner.w) return false;
   return detail::ball_may_meet(polygon(f), detail::normal_of(mesh_, fragment.facet), owner, error);
 }
@@ -191,7 +191,7 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
     return least > 0 ? (least * least + difference) / (2 * least) : -INFINITY;
   };
   const double first = p.w > 0 ? 2 * std::sqrt(p.w) : site_tree_.radius() / 64;
-  const double farthest = (x - (low_ + high_) / 2).norm() + 2 * site_tree_.radius();
+  const double farthest = detail::norm(x - (low_ + high_) / 2) + 2 * site_tree_.radius();
   for (double before = -1, within = first;; before = within, within *= 2) {
     const bool last = within >= farthest;
     const double radius = clipper.security_radius();
@@ -206,7 +206,7 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
         },
         [&](Index s) {
           if (s == owner) return;
-          const double d = (site(s).position() - x).norm();
+          const double d = detail::norm(site(s).position() - x);
           const bool its_turn = d > before && (last || d <= within);
           if (its_turn && takes_part(s) && reach_lists_->reaches(s, facet)) planes.push_back(plane(owner, s));
         });
@@ -231,12 +231,19 @@ void RestrictedPowerDiagram::enter_local_facets(Index s) {
   localize_foreign(s);
 }
 
-/// A fragment of a local facet near x, found from the facet's first one by moving to whoever beyond an edge has less power
-/// there. In doubles: it is only where a search begins.
+/// A fragment of a local facet near x, found from that of a site near by, or else the facet's first one, by moving to whoever
+/// beyond an edge has less power there. In doubles: it is only where a search begins.
 Index RestrictedPowerDiagram::local_fragment_near(Index facet, const Vec3& x) const {
+  const auto power = [&](Index s) { return detail::squared_norm(site(s).position() - x) - site(s).w; };
+  double least = INFINITY;
   Index at = first_of_facet(facet);
-  const auto power = [&](Index s) { return (site(s).position() - x).squaredNorm() - site(s).w; };
-  for (double least = INFINITY; at != kNone;) {
+  site_tree_.visit_cube(x, [&](Index s) {
+    const Index near = power(s) < least ? fragment_of(facet, s) : kNone;
+    if (near == kNone) return;
+    least = power(s);
+    at = near;
+  });
+  for (least = INFINITY; at != kNone;) {
     const Polygon here = polygon(at);
     if (here.site == kNone) return kNone;
     least = std::min(least, power(here.site));
@@ -368,7 +375,7 @@ void RestrictedPowerDiagram::find_local_candidates(Index f, std::vector<Index>& 
     for (Index k = 0; k < left.size; ++k) {
       if (!is_site(left.labels[k])) continue;
       const WeightedPoint& p = site(left.labels[k]);
-      const double d = (p.position() - centre).norm() + radius;
+      const double d = detail::norm(p.position() - centre) + radius;
       max_power = std::min(max_power, d * d - p.w);
     }
     candidates.clear();
@@ -378,7 +385,7 @@ void RestrictedPowerDiagram::find_local_candidates(Index f, std::vector<Index>& 
     site_tree_.visit(
         centre, [&](double least, double, double weight) { return least <= reach(weight); },
         [&](Index s) {
-          const bool is_near = (site(s).position() - centre).norm() <= reach(site(s).w);
+          const bool is_near = detail::norm(site(s).position() - centre) <= reach(site(s).w);
           if (is_near && takes_part(s) && reach_lists_->reaches(s, facet)) candidates.push_back(s);
         });
     return;

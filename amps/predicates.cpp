@@ -18,7 +18,7 @@ StaticBounds StaticBounds::for_set(const Vec3& extent, double weight_range, int 
   }
   // A flat box has no static bound of use; a huge or tiny one leaves it to the later stages.
   const double min_extent = extent.minCoeff(), max_extent = extent.maxCoeff();
-  const double height = extent.squaredNorm() + weight_range;
+  const double height = squared_norm(extent) + weight_range;
   if (!(max_extent < kFilterMax && min_extent > kFilterMin && height < kFilterMax)) return bounds;
   // The box's own extents carry a rounding; the slack of the constants covers it.
   const double volume = extent.x() * extent.y() * extent.z();
@@ -82,24 +82,6 @@ std::array<int, K> by_dominance(const std::array<const WeightedPoint*, K>& sites
 }
 
 }  // namespace
-
-int orient3d_exact(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint& c, const WeightedPoint& d,
-                   Stage& stage) noexcept {
-  ExactScale scale;
-  for (const WeightedPoint* p : {&a, &b, &c, &d}) {
-    scale.coordinate(p->x);
-    scale.coordinate(p->y);
-    scale.coordinate(p->z);
-  }
-  return with_exact_width(scale, stage, [&](auto width) {
-    constexpr int N = decltype(width)::value;
-    Int<N> m[3][3];
-    exact_difference<N>(b, a, scale.unit(), m[0]);
-    exact_difference<N>(c, a, scale.unit(), m[1]);
-    exact_difference<N>(d, a, scale.unit(), m[2]);
-    return determinant3(m[0], m[1], m[2]).sign();
-  });
-}
 
 #ifdef AMPS_HAS_INT128
 namespace {
@@ -177,20 +159,6 @@ bool power_test_in_words(const PowerRows& rows, const WeightedPoint* const p[4],
 }  // namespace
 #endif
 
-int power_test_exact(const PowerRows& rows, const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage,
-                     std::array<int, 4>& minor_signs) noexcept {
-#ifdef AMPS_HAS_INT128
-  int sign;
-  if (power_test_in_words(rows, p, q, sign, minor_signs)) {
-    stage = Stage::kExactMachine;
-    return sign;
-  }
-#else
-  static_cast<void>(rows);
-#endif
-  return power_test_in_limbs(p, q, stage, minor_signs);
-}
-
 int power_test_in_limbs(const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage,
                         std::array<int, 4>& minor_signs) noexcept {
   ExactScale scale;
@@ -212,6 +180,38 @@ int power_test_in_limbs(const WeightedPoint* const p[4], const WeightedPoint& q,
 }
 
 }  // namespace detail
+
+int orient3d_exact(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint& c, const WeightedPoint& d,
+                   Stage& stage) noexcept {
+  detail::ExactScale scale;
+  for (const WeightedPoint* p : {&a, &b, &c, &d}) {
+    scale.coordinate(p->x);
+    scale.coordinate(p->y);
+    scale.coordinate(p->z);
+  }
+  return detail::with_exact_width(scale, stage, [&](auto width) {
+    constexpr int N = decltype(width)::value;
+    detail::Int<N> m[3][3];
+    detail::exact_difference<N>(b, a, scale.unit(), m[0]);
+    detail::exact_difference<N>(c, a, scale.unit(), m[1]);
+    detail::exact_difference<N>(d, a, scale.unit(), m[2]);
+    return detail::determinant3(m[0], m[1], m[2]).sign();
+  });
+}
+
+int power_test_exact(const detail::PowerRows& rows, const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage,
+                     std::array<int, 4>& minor_signs) noexcept {
+#ifdef AMPS_HAS_INT128
+  int sign;
+  if (detail::power_test_in_words(rows, p, q, sign, minor_signs)) {
+    stage = Stage::kExactMachine;
+    return sign;
+  }
+#else
+  static_cast<void>(rows);
+#endif
+  return detail::power_test_in_limbs(p, q, stage, minor_signs);
+}
 
 using detail::Approx;
 using detail::ExactScale;

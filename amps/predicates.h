@@ -19,6 +19,8 @@
 // nothing and costs nothing.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/exact.h"
 
@@ -166,19 +168,14 @@ inline constexpr double kPowerBound = 450 * kUnitRoundoff;
 inline constexpr double kFilterMin = 1e-50;
 inline constexpr double kFilterMax = 1e50;
 
-int orient3d_exact(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint& c, const WeightedPoint& d,
-                   Stage& stage) noexcept;
-/// The power test without perturbation. If it is 0, minor_signs holds the signs of volume_minors.
-int power_test_exact(const PowerRows& rows, const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage,
-                     std::array<int, 4>& minor_signs) noexcept;
-/// Its last stages, for any finite input.
+/// The last stages of power_test_exact(), for any finite input.
 int power_test_in_limbs(const WeightedPoint* const p[4], const WeightedPoint& q, Stage& stage,
                         std::array<int, 4>& minor_signs) noexcept;
 
 /// What holds for all calls within one point set. By default nothing.
 struct StaticBounds {
-  double orientation = INFINITY;  ///< determinants above this are decided
-  double power = INFINITY;
+  double orientation = kInfinity;  ///< determinants above this are decided
+  double power = kInfinity;
   double orientation_exact = 0;  ///< products of magnitudes up to this leave the double determinant without any rounding
   double power_exact = 0;
   /// For points within a box of these extents and weights within `weight_range` of each other, coordinates being multiples of
@@ -206,6 +203,13 @@ int power_test_symbolic(const WeightedPoint* const p[4], const WeightedPoint& q,
 }
 
 }  // namespace detail
+
+/// The stages of orient3d() after its filters, which are in this header. For orient3d() itself.
+AMPS_EXPORT int orient3d_exact(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint& c, const WeightedPoint& d,
+                               Stage& stage) noexcept;
+/// Those of power_test(), without perturbation. If it is 0, minor_signs holds the signs of detail::volume_minors.
+AMPS_EXPORT int power_test_exact(const detail::PowerRows& rows, const WeightedPoint* const p[4], const WeightedPoint& q,
+                                 Stage& stage, std::array<int, 4>& minor_signs) noexcept;
 
 /// Sign of det(b − a, c − a, d − a), the volume of the tetrahedron: +1 if a, b, c turn counter-clockwise seen from d, 0 if the
 /// four points are exactly coplanar.
@@ -237,7 +241,7 @@ int orient3d(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint
     }
   }
   Stage stage;
-  const int sign = detail::orient3d_exact(a, b, c, d, stage);
+  const int sign = orient3d_exact(a, b, c, d, stage);
   tally.count(stage);
   return sign;
 }
@@ -277,7 +281,7 @@ int power_test(const WeightedPoint& p0, const WeightedPoint& p1, const WeightedP
   }
   Stage stage;
   std::array<int, 4> minor_signs;
-  int sign = detail::power_test_exact(rows, p, q, stage, minor_signs);
+  int sign = power_test_exact(rows, p, q, stage, minor_signs);
   if (kPerturbed && sign == 0) {
     sign = detail::power_test_symbolic(p, q, [&minor_signs](int k) { return minor_signs[static_cast<std::size_t>(k)]; });
     stage = Stage::kSymbolic;
@@ -290,12 +294,13 @@ int power_test(const WeightedPoint& p0, const WeightedPoint& p1, const WeightedP
 using OptionalTally = StageTally*;
 
 /// Sign of |x − p|² − w: +1 outside the ball, 0 on it, −1 inside. Positions are arrays of three doubles.
-int side_of_ball(const double* x, const double* p, double w, OptionalTally tally = nullptr) noexcept;
+AMPS_EXPORT int side_of_ball(const double* x, const double* p, double w, OptionalTally tally = nullptr) noexcept;
 
 /// Sign of |x − p|² − w at the point x of the closed segment ab that is nearest to p: +1 if segment and closed ball are apart,
 /// 0 if they only touch, −1 if they have more in common. a = b is a segment too. Laws: a and b can be swapped; where it is −1
 /// or 0 for some w, it is −1 for any greater one; it is never greater than side_of_ball() of a point of ab.
-int segment_side_of_ball(const double* a, const double* b, const double* p, double w, OptionalTally tally = nullptr) noexcept;
+AMPS_EXPORT int segment_side_of_ball(const double* a, const double* b, const double* p, double w,
+                                     OptionalTally tally = nullptr) noexcept;
 
 namespace detail {
 
@@ -372,10 +377,10 @@ inline int orient2d_filter(const double* a, const double* b, const double* c, in
 /// Sign of component `axis` (0, 1, 2) of (b − a) × (c − a): +1 if a, b, c turn counter-clockwise in the projection along that
 /// axis, as seen from its positive end, 0 if they are in one line there. Exact, as dropping a coordinate is. Laws: swapping two
 /// points negates it; the three points are collinear() iff it is 0 for all axes.
-int orient2d(const double* a, const double* b, const double* c, int axis, OptionalTally tally = nullptr) noexcept;
+AMPS_EXPORT int orient2d(const double* a, const double* b, const double* c, int axis, OptionalTally tally = nullptr) noexcept;
 
 /// True if the three points lie exactly on one line (or coincide).
-bool collinear(const double* a, const double* b, const double* c) noexcept;
+AMPS_EXPORT bool collinear(const double* a, const double* b, const double* c) noexcept;
 
 // Sides of bisectors: restricted clipping
 //
@@ -404,28 +409,30 @@ struct Bisector {
   std::array<detail::Approx, 3> at_corner;
 
   /// `corners`: three positions, three doubles each. ~15 ns.
-  Bisector(const WeightedPoint& owner, const WeightedPoint& other, const double* const corners[3]) noexcept;
+  AMPS_EXPORT Bisector(const WeightedPoint& owner, const WeightedPoint& other, const double* const corners[3]) noexcept;
 };
 
 /// Is corner v on the owner's side of bisector k? +1 yes, −1 no; never 0.
-int side_of_corner(const double* const corners[3], int v, const Bisector& k, OptionalTally tally = nullptr) noexcept;
+AMPS_EXPORT int side_of_corner(const double* const corners[3], int v, const Bisector& k,
+                               OptionalTally tally = nullptr) noexcept;
 
 /// Is the intersection of edge (u, v) with bisector j on the owner's side of bisector k? The edge must cross j (the sides of
 /// its ends differ), and j and k have one owner. +1 yes, −1 no; never 0.
-int side_of_edge_crossing(const double* const corners[3], int u, int v, const Bisector& j, const Bisector& k,
-                          OptionalTally tally = nullptr) noexcept;
+AMPS_EXPORT int side_of_edge_crossing(const double* const corners[3], int u, int v, const Bisector& j, const Bisector& k,
+                                      OptionalTally tally = nullptr) noexcept;
 
 /// Is the intersection of bisectors j and l in the facet's plane on the owner's side of bisector k? j and l must intersect
 /// in a vertex of the clipped facet; all have one owner. +1 yes, −1 no; never 0.
-int side_of_facet_crossing(const double* const corners[3], const Bisector& j, const Bisector& l, const Bisector& k,
-                           OptionalTally tally = nullptr) noexcept;
+AMPS_EXPORT int side_of_facet_crossing(const double* const corners[3], const Bisector& j, const Bisector& l, const Bisector& k,
+                                       OptionalTally tally = nullptr) noexcept;
 
 /// Barycentric coordinates of these vertices, each coordinate to a few 2^-46 relative to 1 whatever the conditioning (computed
 /// exactly where the approximate values are not good enough). Same bits for any order of the three sites involved
 /// and for both facets of an edge if its ends come in one order.
-std::array<double, 2> edge_crossing_coordinates(const double* const corners[3], int u, int v, const Bisector& j) noexcept;
-Vec3 facet_crossing_coordinates(const double* const corners[3], const WeightedPoint& i, const WeightedPoint& j,
-                                const WeightedPoint& l) noexcept;
+AMPS_EXPORT std::array<double, 2> edge_crossing_coordinates(const double* const corners[3], int u, int v,
+                                                            const Bisector& j) noexcept;
+AMPS_EXPORT Vec3 facet_crossing_coordinates(const double* const corners[3], const WeightedPoint& i, const WeightedPoint& j,
+                                            const WeightedPoint& l) noexcept;
 
 // Coverage: the power of the owner at the vertices of its fragments
 //
@@ -448,13 +455,13 @@ inline int power_at_corner(const double* const corners[3], int v, const Weighted
 
 /// At the intersection of edge (u, v) with bisector j, whose owner is meant. The edge must cross j (the sides of its ends
 /// differ).
-int power_at_edge_crossing(const double* const corners[3], int u, int v, const Bisector& j,
-                           OptionalTally tally = nullptr) noexcept;
+AMPS_EXPORT int power_at_edge_crossing(const double* const corners[3], int u, int v, const Bisector& j,
+                                       OptionalTally tally = nullptr) noexcept;
 
 /// At the intersection of bisectors j and l in the facet's plane. j and l must intersect in a vertex of the clipped facet, and
 /// have one owner, who is meant.
-int power_at_facet_crossing(const double* const corners[3], const Bisector& j, const Bisector& l,
-                            OptionalTally tally = nullptr) noexcept;
+AMPS_EXPORT int power_at_facet_crossing(const double* const corners[3], const Bisector& j, const Bisector& l,
+                                        OptionalTally tally = nullptr) noexcept;
 
 namespace detail {
 
@@ -492,3 +499,5 @@ class PowerFilter {
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <iomanip>
@@ -14,16 +15,20 @@
 #include <locale>
 #include <ostream>
 #include <sstream>
+#include <string>
 #include <vector>
 
 namespace amps {
 namespace {
+
+constexpr double kDegreesPerBin = 5;  // of QualityReport::angles
 
 struct FacetShape {
   double area;
   double smallest_angle, largest_angle;  ///< degrees
   bool obtuse;
   double q;
+  std::array<double, 3> angles;  ///< degrees
 };
 
 FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
@@ -32,7 +37,7 @@ FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
   double lengths[3];
   for (int k = 0; k < 3; ++k) {
     edges[k] = corners[(k + 2) % 3] - corners[(k + 1) % 3];
-    lengths[k] = edges[k].norm();
+    lengths[k] = detail::norm(edges[k]);
   }
   const int longest = static_cast<int>(std::max_element(lengths, lengths + 3) - lengths);
   // Products of lengths stay in range. Angles and Q do not depend on the scale.
@@ -47,16 +52,18 @@ FacetShape facet_shape(const Vec3& a, const Vec3& b, const Vec3& c) {
     }
   }
   // Twice the area, from the two shorter edges: its error is relative to their product, the smallest of the three.
-  const double twice_area = edges[(longest + 1) % 3].cross(edges[(longest + 2) % 3]).norm();
-  if (!(twice_area > 0)) return {0, 0, 180, true, 0};
+  const double twice_area = detail::norm(edges[(longest + 1) % 3].cross(edges[(longest + 2) % 3]));
+  if (!(twice_area > 0)) return {0, 0, 180, true, 0, {0, 0, 180}};
 
-  FacetShape shape{twice_area / 2, 180, 0, false, 0};
+  FacetShape shape{twice_area / 2, 180, 0, false, 0, {}};
   for (int k = 0; k < 3; ++k) {
-    const double dot = -edges[(k + 1) % 3].dot(edges[(k + 2) % 3]);  // one of the two leads to the corner, one away from it
-    const double angle = detail::to_degrees(std::atan2(twice_area, dot));
+    // One of the two leads to the corner, one away from it.
+    const double along = -detail::dot(edges[(k + 1) % 3], edges[(k + 2) % 3]);
+    const double angle = detail::to_degrees(detail::portable_arc_tangent(twice_area, along));
+    shape.angles[detail::slot(k)] = angle;
     shape.smallest_angle = std::min(shape.smallest_angle, angle);
     shape.largest_angle = std::max(shape.largest_angle, angle);
-    shape.obtuse |= dot < 0;
+    shape.obtuse |= along < 0;
   }
   const double half_perimeter = (lengths[0] + lengths[1] + lengths[2]) / 2;
   shape.q = 6 / std::sqrt(3.0) * shape.area / (half_perimeter * lengths[longest]);
@@ -88,6 +95,9 @@ void measure_facets(const MeshView& mesh, QualityReport& report, const Execution
     report.mean_q += shape.q;
     below_30 += shape.smallest_angle < 30;
     above_90 += shape.obtuse;
+    for (const double angle : shape.angles) {
+      ++report.angles[std::min(static_cast<std::size_t>(angle / kDegreesPerBin), report.angles.size() - 1)];
+    }
     smallest_area = std::min(smallest_area, shape.area);
     largest_area = std::max(largest_area, shape.area);
   }
@@ -101,6 +111,8 @@ void measure_facets(const MeshView& mesh, QualityReport& report, const Execution
   report.mean_q /= n;
   report.below_30 = 100 * below_30 / n;
   report.above_90 = 100 * above_90 / n;
+  report.min_area = smallest_area;
+  report.max_area = largest_area;
   report.area_ratio = largest_area > 0 ? smallest_area / largest_area : 0;
 }
 
@@ -116,7 +128,7 @@ void measure_edges(const MeshView& mesh, QualityReport& report, const Execution&
     ticker.tick();
     const detail::MeshEdge edge = edges[e];
     const std::size_t low = detail::slot(edge.low), high = detail::slot(edge.high);
-    const double length = (mesh.vertices[edge.low] - mesh.vertices[edge.high]).norm();
+    const double length = detail::norm(mesh.vertices[edge.low] - mesh.vertices[edge.high]);
     report.min_edge = e == 0 ? length : std::min(report.min_edge, length);
     report.max_edge = std::max(report.max_edge, length);
     report.mean_edge += length;
@@ -145,6 +157,48 @@ QualityReport quality(const MeshView& mesh, const Execution& execution) {
   measure_edges(mesh, report, run.part(0.6, 1));
   run.finish();
   return report;
+}
+
+BoundRatios bound_ratios(const MeshView& mesh, const ValuesView& radii, const Execution& execution) {
+  const Execution run = execution.start("measuring triangles");
+  if (radii.size() != mesh.num_vertices()) {
+    throw Error(ErrorCode::kInvalidArgument, "amps: " + std::to_string(radii.size()) + " radii for " +
+                                                 std::to_string(mesh.num_vertices()) + " vertices; give one a vertex");
+  }
+  for (Index v = 0; v < mesh.num_vertices(); ++v) {
+    if (!(radii[v] > 0) || !std::isfinite(radii[v])) {
+      throw Error(ErrorCode::kInvalidArgument,
+                  "amps: the radius of vertex " + std::to_string(v) + " is not finite and above 0; leave that vertex out");
+    }
+  }
+  const double least_of_one = std::sqrt(3.0) / 4, greatest_of_one = 3 * least_of_one;
+  BoundRatios ratios;
+  ratios.min_edge = ratios.min_area = std::numeric_limits<double>::infinity();
+  std::vector<char> counted(detail::slot(mesh.num_facets()));
+  detail::Ticker ticker(run.part(0, 0.4), detail::slot(mesh.num_facets()), detail::kEdgesPerLook);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    ticker.tick();
+    if (quality_skips(mesh.triangles, f)) continue;
+    counted[detail::slot(f)] = 1;
+    const double area = facet_shape(mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2)).area;
+    const auto [low, high] =
+        std::minmax({radii[mesh.triangles(f, 0)], radii[mesh.triangles(f, 1)], radii[mesh.triangles(f, 2)]});
+    ratios.min_area = std::min(ratios.min_area, area / low / low / least_of_one);
+    ratios.max_area = std::max(ratios.max_area, area / high / high / greatest_of_one);
+  }
+  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0.4, 0.8));
+  if (edges.size() == 0) return {};
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    const double a = radii[edges[e].low], b = radii[edges[e].high];
+    const double length = detail::norm(mesh.vertices[edges[e].low] - mesh.vertices[edges[e].high]);
+    ratios.min_edge = std::min(ratios.min_edge, length / std::max(a, b));
+    ratios.max_edge = std::max(ratios.max_edge, length / (a + b));
+    const double gradation = a == b ? 0 : std::abs(a - b) / length;
+    ratios.gradation = std::max(ratios.gradation, gradation);
+    ratios.mean_gradation += gradation / static_cast<double>(edges.size());
+  }
+  run.finish();
+  return ratios;
 }
 
 std::ostream& operator<<(std::ostream& out, const QualityReport& report) {

@@ -232,12 +232,12 @@ namespace {
 
 double distance_of_crossing(const Vec3& x, const Vec3& a, const Vec3& b) {
   const Vec3 u = b - a;
-  const double length = u.stableNorm();
-  if (!(length > 0)) return (x - a).stableNorm();
-  const double along = (x - a).dot(u / length);
-  if (along <= 0) return (x - a).stableNorm();
-  if (along >= length) return (x - b).stableNorm();
-  return (x - a).cross(u / length).stableNorm();
+  const double length = stable_norm(u);
+  if (!(length > 0)) return stable_norm(x - a);
+  const double along = dot(x - a, u / length);
+  if (along <= 0) return stable_norm(x - a);
+  if (along >= length) return stable_norm(x - b);
+  return stable_norm((x - a).cross(u / length));
 }
 
 }  // namespace
@@ -283,7 +283,7 @@ double SurfaceFlood::radius_of_arrival(const PlacedPoint& from, const PlacedPoin
 
 double SurfaceFlood::bottleneck(const PlacedPoint& from, const PlacedPoint& to, double limit, Scratch& scratch) const {
   if (!holds(from, limit * limit, to, scratch)) return std::numeric_limits<double>::infinity();
-  const double distance = (to.position - from.position).stableNorm();
+  const double distance = stable_norm(to.position - from.position);
   double radius = std::min(limit, std::max(distance, radius_of_arrival(from, to, scratch)));
   // Doubles may be above by their errors; steps that double soon outgrow any.
   constexpr double kFirstStep = 0x1p-50;

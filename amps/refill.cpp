@@ -175,7 +175,7 @@ void RefillFinder::list_pieces() {
       for (Index k = 2; k < polygon.size; ++k) {
         const Vec3 u = polygon.corners[k - 1] - polygon.corners[0], v = polygon.corners[k] - polygon.corners[0];
         pieces_.push_back({polygon.facet, polygon.corners[0], u, v});
-        up_to_.push_back(total += u.cross(v).norm());
+        up_to_.push_back(total += norm(u.cross(v)));
       }
     }
   }
@@ -223,12 +223,12 @@ bool RefillFinder::try_refill(Rng& rng) {
   while (!open_.empty()) {
     Sample next = pool_[open_[rng.below(open_.size())]];
     const Vec3 x = next.position();
-    for (const Sample& other : chosen_) next.radius = radii_.lowered(next.radius, (x - other.position()).squaredNorm());
+    for (const Sample& other : chosen_) next.radius = radii_.lowered(next.radius, squared_norm(x - other.position()));
     if (!trial_.insert(x, next.radius * next.radius)) return false;
     chosen_.push_back(next);
     const double reach = next.radius * next.radius;
     open_.erase(std::remove_if(open_.begin(), open_.end(),
-                               [&](std::uint8_t k) { return (pool_[k].position() - x).squaredNorm() < reach; }),
+                               [&](std::uint8_t k) { return squared_norm(pool_[k].position() - x) < reach; }),
                 open_.end());
   }
   return !trial_.has_gap();

@@ -336,9 +336,10 @@ void report_curves(const SamplingSurface& surface, const SamplingRun& run, Remes
   report.edges_kept = static_cast<Index>(result.curve_edges.size());
 }
 
-/// Samples the surface. Where radii fall without end, an edge is sharp that is not a curve: candidates there become curves. In
-/// the end radii stay as they are, and the topology is another. Cancelled, what was complete by then stays.
-SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, SamplingOptions sampling, SamplingSurface& surface) {
+/// Samples the surface. Where radii fall without end, an edge is sharp that is not a curve: candidates there become curves
+/// (`curves`, `surface`: out as well). In the end radii stay as they are, and the topology is another. Cancelled, what was
+/// complete by then stays.
+SamplingRun sample_preserving(const MeshView& mesh, CurveOptions& curves, SamplingOptions sampling, SamplingSurface& surface) {
   constexpr int kMaxPromotions = 3;
   const Execution execution = sampling.execution;
   const auto cancelled = [](SamplingRun& run) {
@@ -372,12 +373,14 @@ SamplingRun sample_preserving(const MeshView& mesh, CurveOptions curves, Samplin
       continue;
     }
     curves.edges.insert(curves.edges.end(), sharp.begin(), sharp.end());
-    std::vector<RadiusCap> limits = surface.limits;
-    if (!completes([&] { surface = sampling_surface(mesh, curves, sampling, execution.part(done, done)); })) {
+    SamplingSurface next_surface;
+    if (!completes([&] { next_surface = sampling_surface(mesh, curves, sampling, execution.part(done, done)); })) {
       return cancelled(run);
     }
-    surface.limits = std::move(limits);
-    surface.preserve = true;
+    next_surface.limits = std::move(surface.limits);
+    next_surface.kept = std::move(surface.kept);
+    next_surface.preserve = true;
+    surface = std::move(next_surface);
     keep(run);
   }
 }
@@ -429,20 +432,28 @@ void fit_mesh(const MeshView& mesh, const SamplingSurface& surface, const Sampli
   result.mesh.vertices = fit_vertices(mesh, result.mesh, fit, &result.report.fit);
 }
 
-/// One run of remesh(), with options for the samples to begin with and bounds of radii. `result` (in: cancelled) has
-/// what there is at any time.
-void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling,
-                       const std::vector<RadiusCap>& limits, const Execution& execution, RemeshResult& result) {
+/// What runs of remesh() have in common.
+struct RemeshState {
+  CurveOptions curves;
+  SamplingSurface surface;   ///< with bounds of radii, and samples to begin with
+  bool has_surface = false;  ///< or is made by the next run
+};
+
+/// One run of remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
+void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, RemeshState& state,
+                       const Execution& execution, RemeshResult& result) {
   const RemeshParts parts(mesh, sampling, options);
   sampling.execution = execution.part(0, parts.sampling);
   if (options.optimize) result.report.optimization.status = Outcome::kCancelled;  // until it is done
-  constexpr double kSurfaceShare = 0.05;
-  CurveOptions curves = options.curves;
-  set_curve_radii(mesh, sampling, curves);
-  SamplingSurface surface_of_input = sampling_surface(mesh, curves, sampling, sampling.execution.part(0, kSurfaceShare));
+  SamplingSurface& surface_of_input = state.surface;
+  if (!state.has_surface) {
+    constexpr double kSurfaceShare = 0.05;
+    set_curve_radii(mesh, sampling, state.curves);
+    surface_of_input = sampling_surface(mesh, state.curves, sampling, sampling.execution.part(0, kSurfaceShare));
+    if (surface_of_input.flood != nullptr) sampling.execution = sampling.execution.part(kSurfaceShare, 1);
+    state.has_surface = true;
+  }
   surface_of_input.preserve = surface_of_input.topology != nullptr && options.topology == Topology::kPreserve;
-  surface_of_input.limits = limits;
-  if (surface_of_input.flood != nullptr) sampling.execution = sampling.execution.part(kSurfaceShare, 1);
   if (options.optimize && sampling.target_count > 0) {
     // What optimisation will add, for each sample that it may move.
     const double target = sampling.target_count;
@@ -450,7 +461,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     const double growth = share * expected_growth(options.optimization, is_one_radius(sampling.sizing));
     sampling.target_count = std::max(Index{1}, static_cast<Index>(target / (1 + growth) + 0.5));
   }
-  SamplingRun run = sample_preserving(mesh, curves, sampling, surface_of_input);
+  SamplingRun run = sample_preserving(mesh, state.curves, sampling, surface_of_input);
   result.samples = std::move(run.result.samples);
   result.report.sampling = run.result.report;
   result.graph = surface_of_input.curves;
@@ -527,87 +538,213 @@ std::vector<RadiusCap> caps_at_crossings(const RemeshResult& result, const Execu
 /// Do sheets of the result cross each other, and those of the surface do not?
 bool crosses(const RemeshReport& report) { return report.self_intersections > 0 && report.input_self_intersections == 0; }
 
-/// Measures how far the result is from the surface. Returns bounds of radii where that is too far.
-std::vector<RadiusCap> look_at_error(const MeshView& mesh, double error, const Execution& execution, RemeshResult& result) {
-  RemeshReport& report = result.report;
-  report.hausdorff_bound = report.hausdorff_lower = std::numeric_limits<double>::infinity();
-  if (!(total_area(result.mesh) > 0)) return {};
-  const DistanceReport distance = measure_error(mesh, result.mesh, error, execution.part(0, 0.75, "measuring distances"));
-  report.hausdorff_bound = distance.hausdorff();
-  report.hausdorff_lower = distance.hausdorff_lower();
-  if (report.hausdorff_bound <= error) return {};
-  return error_caps(mesh, result.mesh, result.samples, error, distance, execution.part(0.75, 1));
+/// Measures how far the result, which has triangles, is from the surface, with bounds close beside this error.
+void bound_error(const MeshView& mesh, double error, const Execution& execution, RemeshResult& result) {
+  const DistanceReport distance = measure_error(mesh, result.mesh, error, execution);
+  result.report.hausdorff_bound = distance.hausdorff();
+  result.report.hausdorff_lower = distance.hausdorff_lower();
 }
 
-/// Runs with smaller and smaller radii where sheets of the result cross each other, and where it is farther from the surface
-/// than max_error, until neither is so; the best run is kept: of the fewest crossings, then of the least distance. `result`
-/// (in: cancelled) has what there is at any time.
-void remesh_until_right(const MeshView& mesh, RemeshOptions options, SamplingOptions sampling, const Execution& execution,
-                        RemeshResult& result) {
-  constexpr int kMaxFurtherRuns = 16;
-  constexpr double kSizingShare = 0.02, kFurtherShare = 0.5;
-  const double error = options.max_error;
-  const bool bounded = error > 0;
-  // Without a bound one run is enough, mostly.
-  const double first_share = bounded ? 0.5 : 0.98, run_share = bounded ? 0.8 : 0.99;
-  double done = 0;
-  if (bounded && sampling.radius == 0 && sampling.target_count == 0 && sampling.sizing.empty()) {
-    sampling.sizing = error_sizing(mesh, error, execution.part(0, kSizingShare, "finding radii"));
-    done = kSizingShare;
+/// Samples of a result that lie on faces.
+std::vector<FaceSample> samples_on_faces(const SampleSet& samples) {
+  std::vector<FaceSample> kept;
+  for (Index s = 0; s < samples.size(); ++s) {
+    if (samples.dimensions.empty() || samples.dimensions[slot(s)] == 2) kept.push_back({sample_of(samples, s), true});
   }
-  if (bounded && options.curves.radius == 0 && options.curves.sizing.empty()) {
-    // Cutting off a crease, however short beside the radius, costs a part of its length.
-    constexpr double kCreaseSize = 4;
-    const double finest = kCreaseSize * error;
-    if (sampling.radius == 0 || finest < sampling.radius) options.curves.radius = finest;
+  return kept;
+}
+
+/// A run, and further ones where sheets of the result cross each other, where it is farther from the surface than max_error, or
+/// while the distance is to become less: radii fall there, and what lies elsewhere is kept. If there are too many samples then,
+/// all is sampled again under these bounds. The best result counts.
+class RemeshRuns {
+ public:
+  /// `sampling`: with the execution of all, whose range is that of `execution`. `result` (in: cancelled) has what there is at
+  /// any time.
+  RemeshRuns(const MeshView& mesh, const RemeshOptions& options, const SamplingOptions& sampling, const Execution& execution,
+             RemeshResult& result)
+      : mesh_(mesh),
+        options_(options),
+        sampling_(sampling),
+        execution_(execution),
+        result_(result),
+        measured_(options.max_error > 0 || options.least_error),
+        uncrosses_(options.topology == Topology::kPreserve && sampling.neighborhood == Neighborhood::kSurface),
+        goal_(options.max_error) {}
+
+  void run() {
+    choose_radii();
+    while (one_run()) ++num_further_;
+    if (result_.status == Outcome::kCancelled || !measured_) return;
+    if (std::isfinite(result_.report.hausdorff_bound) || !(total_area(result_.mesh) > 0)) return;
+    Stopwatch watch;
+    const Outcome status = std::exchange(result_.status, Outcome::kCancelled);
+    bound_error(mesh_, goal_, execution_.part(done_, 1), result_);
+    result_.status = status;
+    result_.report.seconds_error = seconds_ + watch.lap();
   }
-  const bool uncrosses = options.topology == Topology::kPreserve && sampling.neighborhood == Neighborhood::kSurface;
-  std::vector<RadiusCap> caps;
-  Index most = 0;
-  double seconds = 0;
-  for (int run = 0;; ++run) {
-    const double next = done + (run == 0 ? first_share : kFurtherShare) * (1 - done);
-    const Execution part = execution.part(done, next);
-    done = next;
+
+ private:
+  /// Of these, fresh ones: without coming closer.
+  static constexpr int kMaxFurtherRuns = 40, kMaxFreshRuns = 4;
+  static constexpr int kMaxRunsForLess = 24, kMaxFreshRunsForLess = 2;
+  /// A goal that is reached falls to this share of the distance that there is.
+  static constexpr double kNextGoal = 0.85;
+
+  /// Those to begin with, and the radius that curves are found by.
+  void choose_radii() {
+    constexpr double kSizingShare = 0.02;
+    const bool no_radii = sampling_.radius == 0 && sampling_.sizing.empty();
+    if (options_.least_error && no_radii) {
+      sampling_.sizing =
+          error_sizing_of_count(mesh_, sampling_.target_count, execution_.part(0, kSizingShare, "finding radii"));
+      done_ = kSizingShare;
+    } else if (options_.max_error > 0 && no_radii && sampling_.target_count == 0) {
+      sampling_.sizing = error_sizing(mesh_, options_.max_error, execution_.part(0, kSizingShare, "finding radii"));
+      done_ = kSizingShare;
+    }
+    state_.curves = options_.curves;
+    if (options_.max_error > 0 && state_.curves.radius == 0 && state_.curves.sizing.empty()) {
+      // Cutting off a crease, however short beside the radius, costs a part of its length.
+      constexpr double kCreaseSize = 4;
+      const double finest = kCreaseSize * options_.max_error;
+      if (sampling_.radius == 0 || finest < sampling_.radius) state_.curves.radius = finest;
+    }
+    next_ = sampling_;
+  }
+
+  /// False if it was the last one.
+  bool one_run() {
+    // Without measuring one run is enough, mostly.
+    const double first_share = measured_ ? 0.5 : 0.98, run_share = measured_ ? 0.8 : 0.99;
+    constexpr double kFurtherShare = 0.3;
+    const bool first = num_further_ == 0;
+    const double end = done_ + (first ? first_share : kFurtherShare) * (1 - done_);
+    const Execution part = execution_.part(done_, end);
+    done_ = end;
     RemeshResult further;
     further.status = Outcome::kCancelled;
-    RemeshResult& made = run == 0 ? result : further;
+    RemeshResult& made = first ? result_ : further;
     std::vector<RadiusCap> more;
     Outcome reached = Outcome::kCancelled;
     const bool complete = completes([&] {
-      sample_and_remesh(mesh, options, sampling, caps, part.part(0, run_share), made);
+      sample_and_remesh(mesh_, options_, next_, state_, part.part(0, run_share), made);
       reached = std::exchange(made.status, Outcome::kCancelled);  // until it is measured
-      if (reached == Outcome::kCancelled) return;
-      const Execution looking = part.part(run_share, 1);
-      if (bounded) {
-        Stopwatch watch;
-        more = look_at_error(mesh, error, looking.part(0, 0.9), made);
-        made.report.seconds_error = seconds += watch.lap();
-      }
-      if (!uncrosses || !crosses(made.report)) return;
-      const std::vector<RadiusCap> at_crossings = caps_at_crossings(made, looking.part(0.9, 1));
-      more.insert(more.end(), at_crossings.begin(), at_crossings.end());
+      if (reached != Outcome::kCancelled) more = look(part.part(run_share, 1), made);
     });
     if (!complete || reached == Outcome::kCancelled) {
-      result.status = Outcome::kCancelled;
-      return;
+      result_.status = Outcome::kCancelled;
+      return false;
     }
-    const bool too_far = bounded && !(made.report.hausdorff_bound <= error);
-    made.status = too_far ? std::max(reached, Outcome::kErrorMissed) : reached;
-    made.report.further_runs = run;
-    if (run == 0) most = most_refined(made.samples.size());
-    bool last = more.empty() || run == kMaxFurtherRuns || (!too_far && made.samples.size() > most);
-    if (!last) {
-      caps.insert(caps.end(), more.begin(), more.end());
-      last = expected_under(CapField(caps, kCapGradation), made.mesh, made.samples) > sampling.max_samples;
+    made.status = options_.max_error > 0 && !(made.report.hausdorff_bound <= options_.max_error)
+                      ? std::max(reached, Outcome::kErrorMissed)
+                      : reached;
+    made.report.further_runs = num_further_;
+    if (first) most_ = most_refined(made.samples.size());
+    if (state_.surface.kept.empty()) {
+      count_before_ = made.samples.size();
+      scale_ = made.report.sampling.sizing_scale;
+    } else {
+      made.report.sampling.sizing_scale = scale_;
     }
-    const auto badness = [](const RemeshReport& report) {
-      return std::make_pair(crosses(report) ? report.self_intersections : 0, report.hausdorff_bound);
-    };
-    if (run > 0 && badness(further.report) < badness(result.report)) result = std::move(further);
-    if (last) return;
+    const bool goes_on = prepare_next(made, std::move(more));
+    if (!first && badness(further) < badness(result_)) result_ = std::move(further);
+    return goes_on;
   }
-}
+
+  /// Bounds of radii where the result is not as it should be.
+  std::vector<RadiusCap> look(const Execution& execution, RemeshResult& made) {
+    std::vector<RadiusCap> more;
+    if (measured_) {
+      Stopwatch watch;
+      if (search_ == nullptr) search_ = std::make_unique<ErrorSearch>(mesh_, execution.part(0, 0.05));
+      more = look_at_error(execution.part(0.05, 0.9), made);
+      made.report.seconds_error = seconds_ += watch.lap();
+    }
+    if (uncrosses_ && crosses(made.report)) {
+      const std::vector<RadiusCap> at_crossings = caps_at_crossings(made, execution.part(0.9, 1));
+      more.insert(more.end(), at_crossings.begin(), at_crossings.end());
+    }
+    return more;
+  }
+
+  /// Where the result is farther from the surface than the goal. Where it seems not to be, measures how far it is, and where
+  /// the distance is to become less, there is a new goal.
+  std::vector<RadiusCap> look_at_error(const Execution& execution, RemeshResult& made) {
+    RemeshReport& report = made.report;
+    report.hausdorff_bound = report.hausdorff_lower = std::numeric_limits<double>::infinity();
+    if (!(total_area(made.mesh) > 0)) return {};
+    if (goal_ > 0) {
+      ErrorCaps found = search_->look(made.mesh, made.samples, goal_, execution.part(0, 0.4));
+      report.hausdorff_lower = found.farthest;
+      if (found.farthest > goal_) return std::move(found.caps);
+      bound_error(mesh_, goal_, execution.part(0.4, 0.6), made);
+      if (report.hausdorff_bound > goal_) return std::move(found.caps);
+    } else {
+      bound_error(mesh_, kNextGoal * bounding_box(mesh_).diagonal(), execution.part(0, 0.6), made);
+    }
+    if (!options_.least_error || misses(made.samples.size(), sampling_.target_count)) return {};
+    constexpr double kLeastGoal = 1e-5;  // of the diagonal
+    goal_ = kNextGoal * report.hausdorff_bound;
+    num_fresh_ = 0;
+    if (goal_ < kLeastGoal * bounding_box(mesh_).diagonal()) return {};
+    return search_->look(made.mesh, made.samples, goal_, execution.part(0.6, 1)).caps;
+  }
+
+  /// What the next run begins with. False if there is none.
+  bool prepare_next(const RemeshResult& made, std::vector<RadiusCap> more) {
+    std::vector<RadiusCap>& caps = state_.surface.limits;
+    const Index count = made.samples.size();
+    const bool fresh = more.empty() && !caps.empty() && misses(count, sampling_.target_count) &&
+                       num_fresh_ < (options_.least_error ? kMaxFreshRunsForLess : kMaxFreshRuns);
+    if (num_further_ == (options_.least_error ? kMaxRunsForLess : kMaxFurtherRuns) || (more.empty() && !fresh)) return false;
+    const bool far = measured_ && !(made.report.hausdorff_bound <= goal_);
+    if (!far && !fresh && count > most_) return false;
+    caps.insert(caps.end(), more.begin(), more.end());
+    if (expected_under(CapField(caps, kCapGradation), made.mesh, made.samples) > sampling_.max_samples) return false;
+    next_ = sampling_;
+    if (fresh) {
+      ++num_fresh_;
+      state_.surface.kept.clear();
+      if (search_ != nullptr) search_->start_again();
+      // Runs after this one will add what they have added this time, or less.
+      const double share = count_before_ / std::max(count_before_, static_cast<double>(count));
+      next_.target_count = std::max(Index{1}, static_cast<Index>(sampling_.target_count * share + 0.5));
+      return true;
+    }
+    state_.surface.kept = samples_on_faces(made.samples);
+    next_.target_count = 0;
+    if (is_one_radius(sampling_.sizing)) {
+      next_.radius = made.report.sampling.radius;
+      next_.sizing = SizingField();
+    } else {
+      next_.sizing = sampling_.sizing.scaled(scale_);
+    }
+    return true;
+  }
+
+  /// Of two results the better one has less of what comes first.
+  std::tuple<std::int64_t, bool, bool, double> badness(const RemeshResult& result) const {
+    const RemeshReport& report = result.report;
+    const bool too_far = options_.max_error > 0 && !(report.hausdorff_bound <= options_.max_error);
+    return {crosses(report) ? report.self_intersections : 0, too_far, misses(result.samples.size(), sampling_.target_count),
+            too_far ? report.hausdorff_lower : report.hausdorff_bound};
+  }
+
+  const MeshView& mesh_;
+  const RemeshOptions& options_;
+  SamplingOptions sampling_, next_;  ///< as given, with radii chosen; of the next run
+  const Execution& execution_;
+  RemeshResult& result_;
+  const bool measured_, uncrosses_;
+  double goal_;  ///< no point is to be farther off; 0: none yet
+  RemeshState state_;
+  std::unique_ptr<ErrorSearch> search_;
+  double done_ = 0, seconds_ = 0;
+  int num_further_ = 0, num_fresh_ = 0;
+  Index most_ = 0;
+  double scale_ = 1, count_before_ = 0;  ///< of the sizing, and of the result, by the last run that kept nothing
+};
 
 }  // namespace
 }  // namespace detail
@@ -662,6 +799,9 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
     throw Error(ErrorCode::kInvalidArgument,
                 "remesh: max_error is " + detail::number_text(options.max_error) + "; give a distance above 0, or 0 for none");
   }
+  if (options.least_error && sampling.target_count == 0) {
+    throw Error(ErrorCode::kInvalidArgument, "remesh: least_error spends a number of samples; set sampling.target_count");
+  }
   // Such a disk is all of its component: larger ones are no other, and radii have to fall from there.
   const double diagonal = bounding_box(mesh).diagonal();
   if (sampling.neighborhood == Neighborhood::kSurface && std::isfinite(sampling.radius)) {
@@ -669,7 +809,7 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   }
   RemeshResult result;
   result.status = Outcome::kCancelled;
-  detail::completes([&] { detail::remesh_until_right(mesh, options, sampling, execution, result); });
+  detail::completes([&] { detail::RemeshRuns(mesh, options, sampling, execution, result).run(); });
   if (result.mesh.vertices.empty()) result.mesh.vertices = result.samples.positions;
   if (result.status != Outcome::kCancelled) execution.finish();
   return result;

@@ -13,6 +13,8 @@
 // curves first, so close that the edge between neighbours is in the dual, and no disk reaches across a curve.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
@@ -53,6 +55,10 @@ struct RemeshOptions {
   /// follow from curvature, up to a quarter of the diagonal. Where the result is farther off they fall and all is done again, a
   /// few times. The distance is that of the final mesh, after optimisation and fit; without enough of either, kErrorMissed.
   double max_error = 0;
+  /// The samples of `sampling.target_count`, which must be given, are spent where they lower that distance most: radii follow
+  /// from curvature unless there is a sizing, and as long as that helps, they fall where the result is farthest off and grow
+  /// elsewhere. The distance is reported as of max_error. Takes the time of some dozen runs.
+  bool least_error = false;
   /// Means nothing where disks are balls.
   Topology topology = Topology::kPreserve;
   /// Improve angles and valences of the maximal set.
@@ -94,7 +100,7 @@ struct RemeshReport {
   /// are balls. (`failures` are of sites of the diagram: of vertices, where nothing was optimised.)
   TopologyCertificate certificate;
   /// Of surface and result: no point is farther off than this, proved by surface_distance(); and some point is as far as the
-  /// lower one. Of RemeshOptions::max_error only, else both 0.
+  /// lower one. Of RemeshOptions::max_error and least_error only, else both 0.
   double hausdorff_bound = 0;
   double hausdorff_lower = 0;
   int further_runs = 0;      ///< with smaller radii, where triangles crossed or the result was farther off than max_error
@@ -124,13 +130,13 @@ struct RemeshResult {
 /// holds, or components, Euler characteristic, boundary loops and edges of many facets are as many as before, all edges of
 /// curves are kept, and no triangles cross where none did. Where disks are balls, which join what is near, only an empty result
 /// counts.
-std::string lost_shape(const RemeshReport& report);
+AMPS_EXPORT std::string lost_shape(const RemeshReport& report);
 
 /// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and
 /// optimize(), and kInvalidArgument unless max_error is finite and not negative; cost about twice that of sample(), with the
 /// default bounds. Cancelled, it has the best samples so far, a vertex each, and triangles only if the report was all that was
 /// left to do; of a maximal set restricted_triangulation() makes them.
-RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
+AMPS_EXPORT RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 
 /// The RRT of a given set: a triangle (i, j, k) for each triple of cells that meet an odd number of times inside facets; where
 /// they meet twice, as on both sides of a sharp crease or of a thin plate, the two triangles cancel. So where every edge of the
@@ -138,7 +144,9 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options);
 /// the result has evenly many triangles, for any set: the dual of a closed surface has no boundary. Oriented as the surface
 /// under it, then made consistent across manifold edges by majority per component, so inputs with flipped facets come out right
 /// wherever the output is orientable. Cancelled, it throws Error(kCancelled). `curves`: as verify_maximal().
-Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
-                              Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
+AMPS_EXPORT Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, const Execution& execution = {},
+                                          Neighborhood neighborhood = Neighborhood::kSpace, const CurveGraph* curves = nullptr);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

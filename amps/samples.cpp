@@ -11,9 +11,9 @@ namespace amps::detail {
 SurfacePoint surface_point_below(const MeshView& mesh, Index facet, const Vec3& x) {
   const Vec3 a = mesh.corner(facet, 0), b = mesh.corner(facet, 1), c = mesh.corner(facet, 2);
   const Vec3 normal = normal_of(mesh, facet);
-  Vec3 weight((b - x).cross(c - x).dot(normal), (c - x).cross(a - x).dot(normal), (a - x).cross(b - x).dot(normal));
+  Vec3 weight(dot((b - x).cross(c - x), normal), dot((c - x).cross(a - x), normal), dot((a - x).cross(b - x), normal));
   weight = weight.cwiseMax(0.0);
-  return surface_point_at(mesh, facet, weight / weight.sum());
+  return surface_point_at(mesh, facet, weight / sum(weight));
 }
 
 void require_neighborhood(Neighborhood neighborhood, ConflictRule rule) {

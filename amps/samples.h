@@ -3,6 +3,8 @@
 // these, always by the same operations, so whoever does that again gets the same bits.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -75,7 +77,7 @@ inline SurfacePoint surface_point_at(const MeshView& mesh, Index facet, const Ve
 /// Unit normal of a facet with area, at any scale whose squares a double holds.
 inline Vec3 normal_of(const MeshView& mesh, Index facet) {
   const Vec3 a = mesh.corner(facet, 0);
-  return (mesh.corner(facet, 1) - a).cross(mesh.corner(facet, 2) - a).stableNormalized();
+  return stable_normalized((mesh.corner(facet, 1) - a).cross(mesh.corner(facet, 2) - a));
 }
 
 /// The point of the facet below x, which lies in its plane up to rounding. Not finite where rounding leaves the facet no area.
@@ -86,6 +88,12 @@ struct Sample {
   SurfacePoint at;  ///< facet kNone: not known; then only the position counts
   double radius = 0;
   const Vec3& position() const { return at.position; }
+};
+
+/// A sample that does not lie on a curve.
+struct FaceSample {
+  Sample sample;
+  bool of_darts;  ///< or of gap filling
 };
 
 /// Throws Error(kInvalidArgument) for disks that know their surface under the min rule.
@@ -130,3 +138,5 @@ class GrowingSet {
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

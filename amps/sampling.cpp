@@ -6,6 +6,7 @@
 #include "amps/darts.h"
 #include "amps/disk_set.h"
 #include "amps/gap_filling.h"
+#include "amps/portable_math.h"
 #include "amps/spatial_sort.h"
 #include "amps/topology_refinement.h"
 #include "amps/wanted_radii.h"
@@ -98,8 +99,9 @@ void require_feasible_radii(double min, double max, double density, const Box& b
   const double expected = kSamplesPerDensity * density;
   if (!(expected < options.max_samples)) {
     const double factor = std::sqrt(expected / options.max_samples) * 1.01;
-    throw Error(ErrorCode::kTooLarge, "sampling: " + what + " need about " + number_text(expected) +
-                                          " samples, more than max_samples, " + std::to_string(options.max_samples) + "; use " +
+    throw Error(ErrorCode::kTooLarge, "sampling: " + what + (uniform ? " needs about " : " need about ") +
+                                          number_text(expected) + " samples, more than max_samples, " +
+                                          std::to_string(options.max_samples) + "; use " +
                                           (uniform ? "a radius of at least " + number_text(min * factor)
                                                    : "a sizing field scaled by at least " + number_text(factor)));
   }
@@ -189,7 +191,7 @@ struct SamplingTask {
 /// "Random sequential adsorption", J. Theor. Biol. 1980), and k rejections in a row are due when it is about ln(n)/k. The
 /// factor is measured.
 double expected_darts(double samples, int max_rejections) {
-  const double per_sample = 0.6 * std::pow(max_rejections / std::log(samples + 2), 2.0 / 3);
+  const double per_sample = 0.6 * portable_power(max_rejections / portable_log(samples + 2), 2.0 / 3);
   return samples * std::max(1.0, per_sample);
 }
 
@@ -395,9 +397,9 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
   std::unique_ptr<RestrictedPowerDiagram> diagram;
   const bool complete = completes([&] {
     const Execution filling = execution.part(curves_end, 1);
-    if (round.kept != nullptr) {
-      add_kept(task, *round.kept, filling.part(0, sort_end, "throwing darts"));
-    } else {
+    if (round.kept != nullptr) add_kept(task, *round.kept, filling.part(0, sort_end, "throwing darts"));
+    // Of samples that are all too large, none is kept; and a diagram has at least one site.
+    if (round.kept == nullptr || task.set.size() == 0) {
       run_darts(task, density, filling.part(0, darts_end, "throwing darts"));
       if (task.status == Outcome::kDone) task.sort_along_curve(round.box, filling.part(darts_end, sort_end, "throwing darts"));
     }
@@ -431,8 +433,11 @@ class TopologyRefiner {
     const Index before = run_.diagram->num_sites();
     const Index most = std::max(before, std::min(most_refined(before), options_.max_samples));
     TopologyCertificate certificate = check_all(execution.part(0, done));
+    if (certificate.holds()) return;
+    // What floors are shares of: beside close curves radii are small from the beginning.
+    const WantedRadii to_begin_with = bounded_radii(first_.radii, first_.limits, run_.curves.get(), first_.box).radii;
     for (;;) {
-      while (!run_.gave_up && caps_.lower(certificate, *run_.disks, run_.curves.get(), first_.radii)) {
+      while (!run_.gave_up && caps_.lower(certificate, *run_.disks, run_.curves.get(), to_begin_with)) {
         lower(certificate, next_part());
         if (!certificate.holds() && run_.diagram->num_sites() > most) run_.gave_up = true;
       }
@@ -550,7 +555,7 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   require_feasible_radii(radii.min(), radii.max(), radii.density_integral(total_area(mesh)), box, options);
   constexpr double kRefinementShare = 0.1;
   const double refining = surface.preserve ? 1 - kRefinementShare : 1;
-  const SamplingRound round{radii, surface, box, seed, surface.limits, nullptr};
+  const SamplingRound round{radii, surface, box, seed, surface.limits, surface.kept.empty() ? nullptr : &surface.kept};
   SamplingRun run;
   run.result.report.seed = seed;
   if (!completes([&] { run = run_round(mesh, options, round, execution.part(0, refining)); })) {

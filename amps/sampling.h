@@ -9,6 +9,8 @@
 // as in the paper. So r_min ≤ r_i ≤ r(p_i), samples are at least r_min apart, and filling ends.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/cap_field.h"
 #include "amps/curves.h"
@@ -83,18 +85,18 @@ struct SamplingResult {
 /// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument (options, a sizing field of another mesh), kTooLarge
 /// (radii that would need more than max_samples, estimated before any work). Cancelled: the samples so far (Poisson-disk, not
 /// maximal), or those of an earlier run for target_count (maximal, of another number). Expected O(n log n + #F). Thread-safe.
-SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
+AMPS_EXPORT SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
 
 /// The first stage alone: random darts of density 1/r², accepted when they conflict with none before, until max_rejections in a
 /// row fail. Poisson-disk, not maximal; samples in the order they were accepted. Needs `radius` or `sizing`, no target_count.
-SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options);
+AMPS_EXPORT SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options);
 
 /// The second stage alone, for a set made elsewhere: adds samples where the surface is uncovered until nothing is. Existing
 /// samples stay first, unchanged and in order; those that are closer than they should be stay so. The radius of new samples is
 /// the option's (0: the smallest in `existing`) and must not exceed the smallest in `existing`, so that no new disk covers an
 /// old sample; or, over a surface and with `sizing`, what is wanted, less where it would cover a sample. Samples of `existing`
 /// without facet and barycentrics get facet kNone and zeros in the result. Errors as sample() and verify_maximal().
-SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options);
+AMPS_EXPORT SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const SamplingOptions& options);
 
 namespace detail {
 
@@ -114,7 +116,8 @@ struct SamplingSurface {
   std::shared_ptr<const CurveGraph> curves;         ///< null: disks are balls
   std::shared_ptr<const TopologyChecker> topology;  ///< null: nobody asks
   std::vector<RadiusCap> limits;                    ///< bounds of radii to begin with, for other reasons
-  bool preserve = false;                            ///< radii fall where the dual has not the topology of the surface
+  std::vector<FaceSample> kept;  ///< samples to begin with, where they are small enough; none: darts are thrown
+  bool preserve = false;         ///< radii fall where the dual has not the topology of the surface
   bool may_change = false;  ///< where that does not help, there will be other curves: the number of samples does not matter yet
 };
 
@@ -136,3 +139,5 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -10,6 +10,8 @@
 // tree over the facets in the order of a space-filling curve.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -57,9 +59,11 @@ struct SelfIntersectionReport {
 /// Throws Error(kInvalidMesh) for an index out of range or a corner that is NaN or infinite, Error(kInvalidArgument) for a
 /// negative max_pairs; kTooLarge, kCancelled. No facet at all is fine. O(n log n + boxes that overlap) for n facets, about
 /// 1 µs a facet of a mesh without self-intersections; some 200 bytes a facet. Thread-safe.
-SelfIntersectionReport find_self_intersections(const MeshView& mesh, const SelfIntersectionOptions& options = {});
+AMPS_EXPORT SelfIntersectionReport find_self_intersections(const MeshView& mesh, const SelfIntersectionOptions& options = {});
 
 /// In a line: how many pairs, and the first of them.
-std::ostream& operator<<(std::ostream& out, const SelfIntersectionReport& report);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const SelfIntersectionReport& report);
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -92,7 +92,7 @@ struct IcosahedronGrid {
       corner[c]((axis + 2) % 3) = (c & 1) != 0 ? phi : -phi;
     }
     // Corners at distance 2 are joined; every triangle of joined corners is a facet.
-    const auto joined = [&](std::size_t a, std::size_t b) { return (corner[a] - corner[b]).squaredNorm() < 5.0; };
+    const auto joined = [&](std::size_t a, std::size_t b) { return detail::squared_norm(corner[a] - corner[b]) < 5.0; };
     std::size_t facets = 0;
     Index edges = 0;
     for (std::size_t a = 0; a < 12; ++a) {
@@ -101,7 +101,7 @@ struct IcosahedronGrid {
         edge[a][b] = edges++;
         for (std::size_t c = b + 1; c < 12; ++c) {
           if (!joined(a, c) || !joined(b, c)) continue;
-          const bool outward = (corner[b] - corner[a]).cross(corner[c] - corner[a]).dot(corner[a]) > 0;
+          const bool outward = detail::dot((corner[b] - corner[a]).cross(corner[c] - corner[a]), corner[a]) > 0;
           facet[facets++] = {static_cast<Index>(a), static_cast<Index>(outward ? b : c), static_cast<Index>(outward ? c : b)};
         }
       }
@@ -134,18 +134,20 @@ struct KnotCurve {
   double p, q, major, minor;
 
   Vec3 point(double t) const {
-    const double w = major + minor * std::cos(q * t);
-    return {w * std::cos(p * t), w * std::sin(p * t), minor * std::sin(q * t)};
+    const auto along = detail::portable_sine_cosine(p * t), around = detail::portable_sine_cosine(q * t);
+    const double w = major + minor * around.cosine;
+    return {w * along.cosine, w * along.sine, minor * around.sine};
   }
   // Normal of the torus the knot lies on: perpendicular to the knot and periodic, so a frame that closes without a twist.
   Vec3 normal(double t) const {
-    return {std::cos(q * t) * std::cos(p * t), std::cos(q * t) * std::sin(p * t), std::sin(q * t)};
+    const auto along = detail::portable_sine_cosine(p * t), around = detail::portable_sine_cosine(q * t);
+    return {around.cosine * along.cosine, around.cosine * along.sine, around.sine};
   }
   Vec3 derivative(double t) const {
-    const double w = major + minor * std::cos(q * t);
-    const double dw = -minor * q * std::sin(q * t);
-    return {dw * std::cos(p * t) - w * p * std::sin(p * t), dw * std::sin(p * t) + w * p * std::cos(p * t),
-            minor * q * std::cos(q * t)};
+    const auto along = detail::portable_sine_cosine(p * t), around = detail::portable_sine_cosine(q * t);
+    const double w = major + minor * around.cosine;
+    const double dw = -minor * q * around.sine;
+    return {dw * along.cosine - w * p * along.sine, dw * along.sine + w * p * along.cosine, minor * q * around.cosine};
   }
 };
 
@@ -163,15 +165,15 @@ KnotMeasure measure_knot(const KnotCurve& curve, int samples) {
   for (std::size_t i = 0; i < n; ++i) {
     const double t = 2.0 * detail::kPi * static_cast<double>(i) / samples;
     points[i] = curve.point(t);
-    tangents[i] = curve.derivative(t).normalized();
+    tangents[i] = detail::normalized(curve.derivative(t));
   }
   KnotMeasure measure;
   for (std::size_t i = 0; i < n; ++i) {
-    measure.length += (points[(i + 1) % n] - points[i]).norm();
+    measure.length += detail::norm(points[(i + 1) % n] - points[i]);
     for (std::size_t j = 0; j < n; ++j) {
       if (i == j) continue;
       const Vec3 chord = points[j] - points[i];
-      measure.reach = std::min(measure.reach, chord.squaredNorm() / (2.0 * chord.cross(tangents[i]).norm()));
+      measure.reach = std::min(measure.reach, detail::squared_norm(chord) / (2.0 * detail::norm(chord.cross(tangents[i]))));
     }
   }
   return measure;
@@ -242,7 +244,7 @@ Mesh make_ellipsoid(Index facets, const Vec3& semi_axes) {
       for (Index i = 0; i + j <= n; ++i) {
         // Points of an edge are computed once for each of its facets, with the same value up to rounding; the last one stays.
         const Vec3 flat = (n - i - j) * grid.at(c[0]) + i * grid.at(c[1]) + j * grid.at(c[2]);
-        mesh.vertices.row(grid.vertex(f, i, j)) = flat.normalized().cwiseProduct(semi_axes).transpose();
+        mesh.vertices.row(grid.vertex(f, i, j)) = detail::normalized(flat).cwiseProduct(semi_axes).transpose();
         if (i + j == n) continue;
         mesh.triangles.row(facet++) << grid.vertex(f, i, j), grid.vertex(f, i + 1, j), grid.vertex(f, i, j + 1);
         if (i + j == n - 1) continue;
@@ -259,11 +261,11 @@ Mesh make_torus(double major, double minor, Index nu, Index nv) {
   const std::int64_t cells = static_cast<std::int64_t>(nu) * nv;
   Mesh mesh = empty_shape(cells, 2 * cells);
   for (Index u = 0; u < nu; ++u) {
-    const double alpha = 2.0 * detail::kPi * u / nu;
+    const auto along = detail::portable_sine_cosine(2.0 * detail::kPi * u / nu);
     for (Index v = 0; v < nv; ++v) {
-      const double beta = 2.0 * detail::kPi * v / nv;
-      const double w = major + minor * std::cos(beta);
-      mesh.vertices.row(u * nv + v) << w * std::cos(alpha), w * std::sin(alpha), minor * std::sin(beta);
+      const auto around = detail::portable_sine_cosine(2.0 * detail::kPi * v / nv);
+      const double w = major + minor * around.cosine;
+      mesh.vertices.row(u * nv + v) << w * along.cosine, w * along.sine, minor * around.sine;
     }
   }
   put_closed_grid(mesh, nu, nv);
@@ -295,10 +297,10 @@ Mesh make_knot(const KnotOptions& options) {
   for (Index u = 0; u < nu; ++u) {
     const double t = 2.0 * detail::kPi * u / nu;
     const Vec3 center = curve.point(t), normal = curve.normal(t);
-    const Vec3 binormal = normal.cross(curve.derivative(t).normalized());
+    const Vec3 binormal = normal.cross(detail::normalized(curve.derivative(t)));
     for (Index v = 0; v < nv; ++v) {
-      const double beta = 2.0 * detail::kPi * v / nv;
-      mesh.vertices.row(u * nv + v) = (center + tube * (std::cos(beta) * normal + std::sin(beta) * binormal)).transpose();
+      const auto around = detail::portable_sine_cosine(2.0 * detail::kPi * v / nv);
+      mesh.vertices.row(u * nv + v) = (center + tube * (around.cosine * normal + around.sine * binormal)).transpose();
     }
   }
   put_closed_grid(mesh, nu, nv);

@@ -2,6 +2,8 @@
 // upwards), the closed ones watertight with shared vertices and embedded.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/mesh.h"
 
@@ -11,21 +13,21 @@ namespace amps {
 // and Error(kTooLarge) for more vertices or facets than an Index counts. O(#V + #F).
 
 /// The unit square [0,1]² at z = 0 as n × n cells of two triangles, n ≥ 1. (n+1)² vertices, 2n² facets.
-Mesh make_square(Index n = 1);
+AMPS_EXPORT Mesh make_square(Index n = 1);
 
 /// Surface of the unit cube [0,1]³, n × n cells of two triangles a side, n ≥ 1. 6n²+2 vertices, 12n² facets.
-Mesh make_cube(Index n = 1);
+AMPS_EXPORT Mesh make_cube(Index n = 1);
 
 /// Sphere around the origin: an icosahedron with every facet cut into n² and projected, where n ≥ 1 brings 20n² nearest to
 /// `facets`. 10n²+2 vertices, all on the sphere to rounding.
-Mesh make_sphere(Index facets = 5120, double radius = 1.0);
+AMPS_EXPORT Mesh make_sphere(Index facets = 5120, double radius = 1.0);
 
 /// The same with semi-axes a, b, c.
-Mesh make_ellipsoid(Index facets, const Vec3& semi_axes);
+AMPS_EXPORT Mesh make_ellipsoid(Index facets, const Vec3& semi_axes);
 
 /// Torus around the z axis, `major` from the axis to the middle of the tube, `minor` < major the radius of the tube; nu ≥ 3
 /// cells along, nv ≥ 3 around the tube. nu·nv vertices, 2·nu·nv facets.
-Mesh make_torus(double major = 1.0, double minor = 0.4, Index nu = 96, Index nv = 40);
+AMPS_EXPORT Mesh make_torus(double major = 1.0, double minor = 0.4, Index nu = 96, Index nv = 40);
 
 /// A tube around the (p, q) torus knot
 ///   c(t) = ((R + a cos qt) cos pt, (R + a cos qt) sin pt, a sin qt),  0 ≤ t < 2π;  (2, 3) is the trefoil.
@@ -40,6 +42,8 @@ struct KnotOptions {
 };
 
 /// Genus 1, 2·along·around facets. Throws Error(kInvalidArgument) too if `tube` is over 0.9 of the reach.
-Mesh make_knot(const KnotOptions& options = {});
+AMPS_EXPORT Mesh make_knot(const KnotOptions& options = {});
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

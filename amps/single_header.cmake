@@ -15,6 +15,9 @@ endforeach()
 
 # Switches contraction off and has no `#pragma once`: the lines stand ahead of the implementation, wherever that is asked for.
 set(switch_off amps/contraction.h)
+# They stand once around all of it.
+set(macros_begin amps/host_macros_begin.h)
+set(macros_end amps/host_macros_end.h)
 
 # Checks that HEADERS and SOURCES name every file of the folder, in the order amps.h gives.
 function(check_lists)
@@ -137,14 +140,18 @@ foreach(source IN LISTS SOURCES)
 endforeach()
 
 append_file(contraction ${switch_off})
+append_file(save_macros ${macros_begin})
+append_file(restore_macros ${macros_end})
+set(around amps/amps.h ${switch_off} ${macros_begin} ${macros_end})
+list(REMOVE_ITEM declared ${around})
 append_file(declarations amps/amps.h)
 foreach(header IN LISTS HEADERS)
-  if(header IN_LIST declared AND NOT header STREQUAL switch_off)
+  if(header IN_LIST declared)
     append_file(declarations ${header})
   endif()
 endforeach()
 foreach(file IN LISTS HEADERS SOURCES)
-  if(NOT file IN_LIST declared AND NOT file STREQUAL "amps/amps.h")
+  if(NOT file IN_LIST declared AND NOT file IN_LIST around)
     append_file(implementation ${file})
   endif()
 endforeach()
@@ -152,14 +159,8 @@ list(REMOVE_DUPLICATES implementation_macros)
 list(TRANSFORM implementation_macros REPLACE "(.+)" "#undef \\1\n" OUTPUT_VARIABLE undefine)
 string(JOIN "" undefine ${undefine})
 
-# Macros of others whose names amps or Eigen use: windows.h, rpcndr.h, X11.
-set(foreign_macros min max near far small Status Success)
-set(save_macros)
-set(restore_macros)
-foreach(macro IN LISTS foreign_macros)
-  string(APPEND save_macros "#pragma push_macro(\"${macro}\")\n#undef ${macro}\n")
-  string(APPEND restore_macros "#pragma pop_macro(\"${macro}\")\n")
-endforeach()
+file(STRINGS "${FOLDER}/${macros_begin}" foreign_macros REGEX "^#undef ")
+list(TRANSFORM foreign_macros REPLACE "#undef " "")
 string(JOIN ", " foreign_macros ${foreign_macros})
 
 file(READ "${FOLDER}/LICENSE" licence)
@@ -183,9 +184,9 @@ file(WRITE "${OUT}" "\
 // fused multiply-add off down to its end, for what comes in between and no further (MSVC: to the end of the file, and a
 // `#pragma STDC FP_CONTRACT` of your own above is back at the default of the command line after it).
 //
-// Macros called ${foreign_macros} are set aside while it is read. Other macros that are
-// common words must be defined after it, and a name of amps that such a macro hides is out of reach as long as it is defined:
-// (amps::min)(a, b). Never use it beside \"amps/amps.h\".
+// Macros called ${foreign_macros}
+// are set aside while it is read. Other macros that are common words must be defined after it, and a function of amps that such a macro
+// hides is called with parentheses around: (amps::check)(mesh). Never use it beside \"amps/amps.h\".
 //
 ${licence}
 

@@ -39,6 +39,15 @@ class SiteTree {
     erase(nodes_[at].entries, site);
   }
 
+  /// Calls visit(site) for the sites of the smallest cube that a point is in: a few near ones, or none.
+  template <class Visit>
+  void visit_cube(const Vec3& x, const Visit& visit) const {
+    if (!is_inside(x)) return;
+    std::size_t at = 0;
+    while (nodes_[at].first_child != 0) at = nodes_[at].first_child + octant(nodes_[at], x);
+    for (const Entry& entry : nodes_[at].entries) visit(entry.site);
+  }
+
   /// Calls visit(site) for all sites in cubes for which wants(least, most, weight) is true: the least and the greatest distance
   /// of their points from x, and a weight that none of their sites exceeds. In an order that depends on the history of edits.
   template <class Wants, class Visit>
@@ -58,9 +67,9 @@ class SiteTree {
   struct Node {
     Vec3 centre = Vec3::Zero();
     double half = 0;
-    double max_weight = -INFINITY;  ///< of all that were ever here
-    std::size_t first_child = 0;    ///< of eight; 0: a leaf
-    std::vector<Entry> entries;     ///< of a leaf
+    double max_weight = -kInfinity;  ///< of all that were ever here
+    std::size_t first_child = 0;     ///< of eight; 0: a leaf
+    std::vector<Entry> entries;      ///< of a leaf
   };
   static constexpr std::size_t kLeafSize = 8;
   static constexpr int kMaxDepth = 48;
@@ -105,7 +114,7 @@ class SiteTree {
     const Vec3 off = (x - node.centre).cwiseAbs();
     constexpr double kSlack = 1e-9;  // of rounding, here and where a point was put into a cube
     const Vec3 margin = Vec3::Constant(node.half * (1 + kSlack));
-    const double least = (off - margin).cwiseMax(0.0).norm() * (1 - kSlack), most = (off + margin).norm() * (1 + kSlack);
+    const double least = norm((off - margin).cwiseMax(0.0)) * (1 - kSlack), most = norm(off + margin) * (1 + kSlack);
     if (!wants(least, most, node.max_weight)) return;
     for (const Entry& entry : node.entries) visit(entry.site);
     for (std::size_t k = 0; k < 8 && node.first_child != 0; ++k) visit_node(node.first_child + k, x, wants, visit);

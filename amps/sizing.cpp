@@ -363,7 +363,7 @@ class Tabulator {
 
   double longest_edge(Index f) const {
     const Vec3 a = mesh_.corner(f, 0), b = mesh_.corner(f, 1), c = mesh_.corner(f, 2);
-    return std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+    return std::max({norm(b - a), norm(c - b), norm(a - c)});
   }
   /// Lattice edges in units of the smallest radius.
   double fineness(double edge, int level) const {

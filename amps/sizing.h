@@ -12,6 +12,8 @@
 // Everything here that takes an Execution throws Error(kCancelled) when cancelled.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -45,12 +47,12 @@ class SizingField {
   bool empty() const { return lattice_ == nullptr; }
 
   /// True if this field was made for a mesh with the same coordinates and the same facets. O(#V + #F).
-  bool fits(const MeshView& mesh, const Execution& execution = {}) const;
-  Index num_facets() const;
+  AMPS_EXPORT bool fits(const MeshView& mesh, const Execution& execution = {}) const;
+  AMPS_EXPORT Index num_facets() const;
 
   /// Requires a facet in range and barycentrics ≥ 0 that sum to 1 up to rounding. Within [min_radius(), max_radius()]
   /// where the facet has area. O(1).
-  double radius(Index facet, const Vec3& barycentric) const;
+  AMPS_EXPORT double radius(Index facet, const Vec3& barycentric) const;
   double radius(const SurfacePoint& at) const { return radius(at.facet, at.barycentric); }
   double min_radius() const { return min_; }  ///< over all nodes of facets with area: the extremes of the field
   double max_radius() const { return max_; }
@@ -61,25 +63,27 @@ class SizingField {
     std::array<Vec3, 3> corners;  ///< barycentric coordinates in the facet, exact; oriented as the facet
     std::array<double, 3> radii;  ///< at the corners; linear between
   };
-  std::size_t num_pieces() const;              ///< Σ k² ≥ #F
-  std::size_t first_piece(Index facet) const;  ///< pieces of a facet are consecutive, facets in order; #F gives num_pieces()
-  Piece piece(std::size_t i) const;            ///< O(1)
+  AMPS_EXPORT std::size_t num_pieces() const;  ///< Σ k² ≥ #F
+  /// Pieces of a facet are consecutive, facets in order; #F gives num_pieces().
+  AMPS_EXPORT std::size_t first_piece(Index facet) const;
+  AMPS_EXPORT Piece piece(std::size_t i) const;  ///< O(1)
 
   /// ∫ dA/r² over a piece, and over the mesh: exact for the piecewise linear field up to rounding (relative error below 1e-12).
   /// A maximal set has about kSamplesPerDensity times as many samples. O(1); O(pieces).
-  double density_integral(std::size_t piece) const;
-  double density_integral(const Execution& execution = {}) const;
+  AMPS_EXPORT double density_integral(std::size_t piece) const;
+  AMPS_EXPORT double density_integral(const Execution& execution = {}) const;
 
   /// r·factor. Throws Error(kInvalidArgument) unless the factor is > 0 and finite and all radii stay so.
-  SizingField scaled(double factor, const Execution& execution = {}) const;
+  AMPS_EXPORT SizingField scaled(double factor, const Execution& execution = {}) const;
   /// min(highest, max(lowest, r)) at the nodes. Throws Error(kInvalidArgument) unless 0 < lowest ≤ highest; highest may be
   /// infinite.
-  SizingField clamped(double lowest, double highest, const Execution& execution = {}) const;
+  AMPS_EXPORT SizingField clamped(double lowest, double highest, const Execution& execution = {}) const;
 
   /// clamped(m, ratio·m), with a robust smallest radius m: the `quantile` of radii by area (of the means of pieces), so that r
   /// is raised on this part of the surface at most, where it is smallest. Throws Error(kInvalidArgument) unless ratio ≥ 1 and 0
   /// ≤ quantile < 1. O(pieces) expected.
-  SizingField with_ratio(double ratio = kDefaultRatio, double quantile = 0.01, const Execution& execution = {}) const;
+  AMPS_EXPORT SizingField with_ratio(double ratio = kDefaultRatio, double quantile = 0.01,
+                                     const Execution& execution = {}) const;
 
   /// The largest field below this one with |r(x) − r(y)| ≤ gradation·d(x, y) between nodes, d the distance along the surface
   /// (vertices of equal position are one). Relaxed to a fixed point over lattice triangles: within an error of first order in
@@ -87,7 +91,7 @@ class SizingField {
   /// Distances come out too long, r too large, where lattice triangles are very obtuse. Persson, "Mesh size functions for
   /// implicit geometries and PDE-based gradient limiting", 2006. Throws Error(kInvalidArgument) unless gradation > 0 (infinite:
   /// no limit). O(nodes · log).
-  SizingField limited(double gradation, const Execution& execution = {}) const;
+  AMPS_EXPORT SizingField limited(double gradation, const Execution& execution = {}) const;
 
  private:
   friend struct detail::SizingFieldAccess;
@@ -108,29 +112,30 @@ inline constexpr double kDefaultGradation = 0.1;
 
 /// The factor to scale a field by for about `count` samples: √(kSamplesPerDensity · ∫dA/r² / count). Good to a few percent
 /// where the surface is large beside the disks. Throws Error(kInvalidArgument) for count < 1 or an empty field.
-double count_factor(const SizingField& field, double count, const Execution& execution = {});
+AMPS_EXPORT double count_factor(const SizingField& field, double count, const Execution& execution = {});
 
 /// The field scaled by some s and then limited in gradation, for about `count` samples in all: s is such that
 /// kSamplesPerDensity · ∫dA/r² is within 0.5 % of `count`. An infinite gradation gives field.scaled(count_factor(field,
 /// count)). Throws as count_factor and SizingField::limited. A few times the cost of limited().
-SizingField for_count(const SizingField& field, double count, double gradation = kDefaultGradation,
-                      const Execution& execution = {});
+AMPS_EXPORT SizingField for_count(const SizingField& field, double count, double gradation = kDefaultGradation,
+                                  const Execution& execution = {});
 
 /// The smaller radius of two fields of one mesh, at the nodes of the finer lattice of each facet: nowhere above either. Throws
 /// Error(kInvalidArgument) if a field is empty or they belong to different meshes.
-SizingField min(const SizingField& a, const SizingField& b, const Execution& execution = {});
+AMPS_EXPORT SizingField min(const SizingField& a, const SizingField& b, const Execution& execution = {});
 
 // Factories. Each throws Error(kInvalidMesh) for a mesh that is not usable (require_usable) and kInvalidArgument as said.
 
 /// The same radius everywhere, > 0 and finite. O(#V + #F).
-SizingField uniform_sizing(const MeshView& mesh, double radius, const Execution& execution = {});
+AMPS_EXPORT SizingField uniform_sizing(const MeshView& mesh, double radius, const Execution& execution = {});
 
 /// Radii at the vertices, linear in each facet. `radii`: one a vertex, > 0 and finite where a facet uses the vertex (the error
 /// names the first that is not). O(#V + #F).
-SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii, const Execution& execution = {});
+AMPS_EXPORT SizingField vertex_sizing(const MeshView& mesh, const ValuesView& radii, const Execution& execution = {});
 
 /// The same from wanted densities ρ, samples per area up to a constant, > 0 and finite: r = 1/√ρ at the vertices.
-SizingField vertex_density_sizing(const MeshView& mesh, const ValuesView& densities, const Execution& execution = {});
+AMPS_EXPORT SizingField vertex_density_sizing(const MeshView& mesh, const ValuesView& densities,
+                                              const Execution& execution = {});
 
 /// A radius for a point of the surface. Called from one thread, several times for some points: it must give the same value for
 /// the same point. Points on edges and vertices come as points of the first facet that has them.
@@ -150,8 +155,8 @@ struct TabulationOptions {
 /// Tabulates a function. Details smaller than an eighth of a facet and than twice the radius around may be missed: give the
 /// mesh facets, or the function radii, of their size. Throws Error(kInvalidArgument), naming the point, if a value is not > 0
 /// and finite. O(#F + nodes) and about 5 calls a node.
-SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options = {},
-                            const Execution& execution = {});
+AMPS_EXPORT SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius,
+                                        const TabulationOptions& options = {}, const Execution& execution = {});
 
 struct LfsOptions {
   double scale = 1;  ///< r = scale · lfs
@@ -173,11 +178,11 @@ struct LfsOptions {
 /// have values too large. Between 1e-6 and 1 times the diagonal of the bounding box, which is also the value where there is no
 /// medial axis: on flat surfaces. 1-Lipschitz in space. Poles are thinned: errors of 1 %. Throws Error(kInvalidArgument) for
 /// options out of range and points that are not finite. O(n log n) expected.
-std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points, const LfsOptions& options = {},
-                                       const Execution& execution = {});
+AMPS_EXPORT std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& points,
+                                                   const LfsOptions& options = {}, const Execution& execution = {});
 
 /// r = scale · lfs; with it ρ = 1/r² ∝ 1/lfs². At vertices, and tabulated on facets that are large beside it.
-SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options = {}, const Execution& execution = {});
+AMPS_EXPORT SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options = {}, const Execution& execution = {});
 
 /// #V greatest absolute principal curvatures, 1/length, estimated from the change of vertex normals over each facet
 /// (Rusinkiewicz, "Estimating curvatures and their derivatives on triangle meshes", 2004; normals by Max 1999), averaged around
@@ -185,7 +190,7 @@ SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options = {}, con
 /// facets of one orientation, are creases: nothing is averaged or differenced over them, and a vertex has the greatest of its
 /// sides' values. 0 at isolated vertices. Vertices of equal position are one. Throws Error(kInvalidArgument) unless 0 ≤
 /// crease_angle ≤ 180. O(#F log #F).
-std::vector<double> max_curvature(const MeshView& mesh, double crease_angle = 50, const Execution& execution = {});
+AMPS_EXPORT std::vector<double> max_curvature(const MeshView& mesh, double crease_angle = 50, const Execution& execution = {});
 
 struct CurvatureOptions {
   double max_error = 0;      ///< ε: absolute units, > 0
@@ -197,6 +202,9 @@ struct CurvatureOptions {
 /// circumradius r with corners on a sphere of curvature κ is off by up to the sagitta 1/κ − √(1/κ² − r²), so r = √(ε(2/κ − ε))
 /// with κ the max_curvature, and 1/κ where κε ≥ 1. At vertices. Creases are no matter of radii: a triangle across one cuts it
 /// off. Throws Error(kInvalidArgument) unless max_error > 0.
-SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& options, const Execution& execution = {});
+AMPS_EXPORT SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& options,
+                                         const Execution& execution = {});
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

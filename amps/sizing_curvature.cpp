@@ -18,14 +18,19 @@
 namespace amps {
 namespace {
 
+using detail::dot;
 using detail::for_each_index;
+using detail::norm;
+using detail::normalized;
 using detail::slot;
+using detail::squared_norm;
+using detail::stable_normalized;
 
 /// Symmetric 2 by 2: the second fundamental form in a frame of the tangent plane.
 struct CurvatureTensor {
   double uu = 0, uv = 0, vv = 0;
   /// Greatest absolute eigenvalue.
-  double norm() const {
+  double greatest() const {
     const double mean = (uu + vv) / 2, half = (uu - vv) / 2;
     return std::abs(mean) + std::sqrt(half * half + uv * uv);
   }
@@ -38,7 +43,7 @@ struct TangentFrame {
 TangentFrame frame_of(const Vec3& normal) {
   int axis = 0;
   normal.cwiseAbs().minCoeff(&axis);
-  const Vec3 u = normal.cross(Vec3::Unit(axis)).normalized();
+  const Vec3 u = normalized(normal.cross(Vec3::Unit(axis)));
   return {u, normal.cross(u), normal};
 }
 
@@ -49,7 +54,7 @@ CurvatureTensor tensor_of(const TangentFrame& frame, const std::array<Vec3, 3>& 
   double xx = 0, xy = 0, yy = 0, xu = 0, mixed = 0, yv = 0;
   for (std::size_t k = 0; k < 3; ++k) {
     const Vec3 e = corner[(k + 1) % 3] - corner[k], d = normal[(k + 1) % 3] - normal[k];
-    const double x = e.dot(frame.u), y = e.dot(frame.v), du = d.dot(frame.u), dv = d.dot(frame.v);
+    const double x = dot(e, frame.u), y = dot(e, frame.v), du = dot(d, frame.u), dv = dot(d, frame.v);
     xx += x * x;
     xy += x * y;
     yy += y * y;
@@ -57,21 +62,20 @@ CurvatureTensor tensor_of(const TangentFrame& frame, const std::array<Vec3, 3>& 
     mixed += y * du + x * dv;
     yv += y * dv;
   }
-  Eigen::Matrix3d a;
-  a << xx, xy, 0, xy, xx + yy, xy, 0, xy, yy;
-  // Cramer's rule: a is positive definite for a facet with area, and facets too thin for doubles are left out by the caller.
-  const Vec3 right(xu, mixed, yv), c0 = a.col(0), c1 = a.col(1), c2 = a.col(2);
-  const double det = c0.dot(c1.cross(c2));
-  return {right.dot(c1.cross(c2)) / det, c0.dot(right.cross(c2)) / det, c0.dot(c1.cross(right)) / det};
+  // Cramer's rule: the matrix of these columns is positive definite for a facet with area, and facets too thin for doubles are
+  // left out by the caller.
+  const Vec3 c0(xx, xy, 0), c1(xy, xx + yy, xy), c2(0, xy, yy), right(xu, mixed, yv);
+  const double det = dot(c0, c1.cross(c2));
+  return {dot(right, c1.cross(c2)) / det, dot(c0, right.cross(c2)) / det, dot(c0, c1.cross(right)) / det};
 }
 
 /// The form of a facet in another frame, turned about the line in which the planes meet.
 CurvatureTensor turned(const CurvatureTensor& t, const TangentFrame& from, const TangentFrame& to) {
-  const double cosine = to.normal.dot(from.normal);
+  const double cosine = dot(to.normal, from.normal);
   if (!(cosine > -0.9)) return {};
   const Vec3 axis = (to.normal + from.normal) / (1 + cosine);
-  const Vec3 p = to.u - to.u.dot(from.normal) * axis, q = to.v - to.v.dot(from.normal) * axis;
-  const double pu = p.dot(from.u), pv = p.dot(from.v), qu = q.dot(from.u), qv = q.dot(from.v);
+  const Vec3 p = to.u - dot(to.u, from.normal) * axis, q = to.v - dot(to.v, from.normal) * axis;
+  const double pu = dot(p, from.u), pv = dot(p, from.v), qu = dot(q, from.u), qv = dot(q, from.v);
   return {t.uu * pu * pu + 2 * t.uv * pu * pv + t.vv * pv * pv, t.uu * pu * qu + t.uv * (pu * qv + pv * qu) + t.vv * pv * qv,
           t.uu * qu * qu + 2 * t.uv * qu * qv + t.vv * qv * qv};
 }
@@ -79,8 +83,8 @@ CurvatureTensor turned(const CurvatureTensor& t, const TangentFrame& from, const
 /// The parts of a triangle's area nearest to each corner (Meyer et al. 2003: half and quarters where an angle is obtuse).
 std::array<double, 3> corner_areas(const std::array<Vec3, 3>& corner) {
   std::array<double, 3> square;  // of the side opposite to each corner
-  for (std::size_t k = 0; k < 3; ++k) square[k] = (corner[(k + 2) % 3] - corner[(k + 1) % 3]).squaredNorm();
-  const double area = (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() / 2;
+  for (std::size_t k = 0; k < 3; ++k) square[k] = squared_norm(corner[(k + 2) % 3] - corner[(k + 1) % 3]);
+  const double area = norm((corner[1] - corner[0]).cross(corner[2] - corner[0])) / 2;
   for (std::size_t k = 0; k < 3; ++k) {
     if (square[k] <= square[(k + 1) % 3] + square[(k + 2) % 3]) continue;
     std::array<double, 3> result{area / 4, area / 4, area / 4};
@@ -117,7 +121,7 @@ class CurvatureEstimator {
     for_each_index(fan_.size(), execution.part(0, 0.7), [&](std::size_t c) {
       double& value = at_vertex[vertex_of(c)];
       const std::size_t fan = fan_[c];
-      if (weights_[fan] > 0) value = std::max(value, tensors_[fan].norm() / weights_[fan] * scale_);
+      if (weights_[fan] > 0) value = std::max(value, tensors_[fan].greatest() / weights_[fan] * scale_);
     });
     for_each_index(fan_.size(), execution.part(0.7, 1), [&](std::size_t c) { result[c] = at_vertex[vertex_of(c)]; });
     return result;
@@ -138,13 +142,13 @@ class CurvatureEstimator {
   void group_corners(const Execution& execution) {
     std::vector<char> counted(slot(view_.num_facets()));
     for_each_index(counted.size(), execution.part(0, 0.05),
-                   [&](std::size_t f) { counted[f] = normal_of_facet(f).squaredNorm() > 0 ? 1 : 0; });
+                   [&](std::size_t f) { counted[f] = squared_norm(normal_of_facet(f)) > 0 ? 1 : 0; });
     const detail::MeshEdges edges(view_.triangles, view_.num_vertices(), counted, execution.part(0.05, 0.45));
     std::vector<char> sharp(edges.size(), 0), smooth_side(edges.num_corners(), 0);
     for_each_index(edges.size(), execution.part(0.45, 0.6), [&](std::size_t e) {
       const detail::MeshEdge edge = edges[e];
       const auto normal = [&](std::size_t i) { return normal_of_facet(slot(edge[i].facet)); };
-      sharp[e] = edge.regular() && !(normal(0).dot(normal(1)) < crease_cosine_) ? 0 : 1;
+      sharp[e] = edge.regular() && !(dot(normal(0), normal(1)) < crease_cosine_) ? 0 : 1;
       if (sharp[e] == 0) smooth_side[edge[0].corner()] = smooth_side[edge[1].corner()] = 1;
     });
     fan_ = detail::corner_fans(edges, sharp, execution.part(0.6, 0.9));
@@ -166,10 +170,11 @@ class CurvatureEstimator {
     for_each_index(fan_.size(), execution.part(0, 0.5), [this](std::size_t c) {
       const auto corner = corners_of(c / 3);
       const Vec3 a = corner[(c + 1) % 3] - corner[c % 3], b = corner[(c + 2) % 3] - corner[c % 3];
-      const double weight = a.squaredNorm() * b.squaredNorm();
+      const double weight = squared_norm(a) * squared_norm(b);
       if (weight > 0) fan_normals_[fan_[c]] += a.cross(b) / weight;
     });
-    for_each_index(num_fans_, execution.part(0.5, 0.6), [this](std::size_t fan) { fan_normals_[fan].stableNormalize(); });
+    for_each_index(num_fans_, execution.part(0.5, 0.6),
+                   [this](std::size_t fan) { fan_normals_[fan] = stable_normalized(fan_normals_[fan]); });
     correct_open_fans(execution.part(0.6, 1));
   }
 
@@ -179,7 +184,7 @@ class CurvatureEstimator {
     std::vector<Vec3> corrected(num_fans_, Vec3::Zero());
     for_each_index(fan_.size() / 3, execution.part(0, 0.8), [&](std::size_t f) {
       const auto corner = corners_of(f);
-      const double weight = (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm();
+      const double weight = norm((corner[1] - corner[0]).cross(corner[2] - corner[0]));
       Vec3 left = 3 * normal_of_facet(f);
       int open = 0;
       for (std::size_t k = 0; k < 3; ++k) {
@@ -196,9 +201,9 @@ class CurvatureEstimator {
     });
     constexpr double kTrusted = 0.866;  // 30°: beyond, the facets are too coarse or uneven for this
     for_each_index(num_fans_, execution.part(0.8, 1), [&](std::size_t fan) {
-      if (open_[fan] == 0 || !(corrected[fan].squaredNorm() > 0)) return;
-      const Vec3 n = corrected[fan].stableNormalized();
-      if (n.dot(fan_normals_[fan]) > kTrusted) fan_normals_[fan] = n;
+      if (open_[fan] == 0 || !(detail::squared_norm(corrected[fan]) > 0)) return;
+      const Vec3 n = stable_normalized(corrected[fan]);
+      if (detail::dot(n, fan_normals_[fan]) > kTrusted) fan_normals_[fan] = n;
     });
   }
 
@@ -210,9 +215,9 @@ class CurvatureEstimator {
       const auto corner = corners_of(f);
       const Vec3 cross = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
       double longest = 0;
-      for (std::size_t k = 0; k < 3; ++k) longest = std::max(longest, (corner[(k + 1) % 3] - corner[k]).squaredNorm());
-      if (!(cross.norm() > kThinnest * longest)) return;
-      const TangentFrame frame = frame_of(cross.normalized());
+      for (std::size_t k = 0; k < 3; ++k) longest = std::max(longest, squared_norm(corner[(k + 1) % 3] - corner[k]));
+      if (!(norm(cross) > kThinnest * longest)) return;
+      const TangentFrame frame = frame_of(normalized(cross));
       const std::array<std::size_t, 3> fan{fan_[3 * f], fan_[3 * f + 1], fan_[3 * f + 2]};
       const CurvatureTensor tensor =
           tensor_of(frame, corner, {fan_normals_[fan[0]], fan_normals_[fan[1]], fan_normals_[fan[2]]});
@@ -268,10 +273,14 @@ SizingField curvature_sizing(const MeshView& mesh, const CurvatureOptions& optio
   for_each_index(radii.size(), job.part(0.8, 0.83), [&](std::size_t v) {
     double& r = radii[v];
     const double curvature = r, error = options.max_error;
+    if (!(curvature > 0)) {
+      r = greatest;
+      return;
+    }
     // √(ε(2/κ − ε)) as √(εκ(2 − εκ))/κ.
     const double relative = error * curvature;
     const double wanted = relative < 1 ? std::sqrt(relative * (2 - relative)) / curvature : 1 / curvature;
-    r = curvature > 0 ? std::min(wanted, greatest) : greatest;
+    r = std::min(wanted, greatest);
   });
   return vertex_sizing(mesh, radii, job.part(0.83, 1));
 }

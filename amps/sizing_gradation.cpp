@@ -124,10 +124,10 @@ class NodeGraph {
 /// the ends are no worse.
 double reach_from_segment(const Vec3& a, const Vec3& b, const Vec3& c, double ua, double ub, double g) {
   constexpr double kNoBetter = std::numeric_limits<double>::infinity();
-  const double length = (b - a).norm();
+  const double length = norm(b - a);
   if (!(length > 0)) return kNoBetter;
   const Vec3 along = (b - a) / length;
-  const double slope = (ub - ua) / length, foot = along.dot(c - a), height = (c - a - foot * along).norm();
+  const double slope = (ub - ua) / length, foot = dot(along, c - a), height = norm(c - a - foot * along);
   const double rest = g * g - slope * slope;
   if (!(rest > 0)) return kNoBetter;
   // d/dt (ua + slope·t + g √((t − foot)² + height²)) = 0.
@@ -161,7 +161,7 @@ void limit_gradation(const NodeGraph& graph, double g, const Execution& executio
         const Index target = corner[(own + k) % 3], other = corner[(own + 3 - k) % 3];
         double& now = u[slot(target)];
         if (now <= std::min(value, u[slot(other)])) continue;
-        double lowered = value + g * (graph.position(target) - p).norm();
+        double lowered = value + g * norm(graph.position(target) - p);
         if (!(lowered < now * (1 - kEdgeStep))) lowered = now;
         const double across = reach_from_segment(p, graph.position(other), graph.position(target), value, u[slot(other)], g);
         if (across < lowered * (1 - kTriangleStep)) lowered = across;

@@ -23,8 +23,13 @@
 namespace amps {
 namespace {
 
+using detail::dot;
 using detail::for_each_index;
+using detail::norm;
+using detail::normalized;
 using detail::slot;
+using detail::squared_norm;
+using detail::stable_normalized;
 
 constexpr const char* kLfsStage = "measuring local feature size";
 constexpr double kAxisEnd = 0.8;  ///< of the time
@@ -43,7 +48,7 @@ class PoleSamples {
     int exponent = 0;
     std::frexp(std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff()), &exponent);
     scale_ = std::ldexp(1.0, -std::clamp(exponent, -1000, 1000));
-    diagonal_ = (scale_ * box.max - scale_ * box.min).norm();
+    diagonal_ = norm(scale_ * box.max - scale_ * box.min);
     for (Index f = 0; f < mesh.num_facets(); ++f) total_area_ += areas_[slot(f)] * scale_ * scale_;
     sample_of_vertex_.assign(slot(mesh.num_vertices()), kNone);
     visit_lattices(execution.part(0.3, 1));
@@ -57,7 +62,7 @@ class PoleSamples {
   /// Longest edge of the (lattice) triangles around a sample.
   double spacing(Index s) const { return around_[slot(s)].spacing; }
   /// Unit; the mean of the facets around.
-  Vec3 normal(Index s) const { return around_[slot(s)].normal.normalized(); }
+  Vec3 normal(Index s) const { return normalized(around_[slot(s)].normal); }
   /// True if refine() might have something to do.
   bool coarser_than(double shortest, const Execution& execution) const {
     bool found = false;
@@ -102,7 +107,7 @@ class PoleSamples {
   }
   void meet_facet(Index s, const Vec3& normal, double edge) {
     Surrounding& around = around_[slot(s)];
-    around.normal += normal.dot(around.normal) < 0 ? Vec3(-normal) : normal;
+    around.normal += dot(normal, around.normal) < 0 ? Vec3(-normal) : normal;
     around.spacing = std::max(around.spacing, edge);
   }
 
@@ -112,7 +117,7 @@ class PoleSamples {
   }
   double longest_edge(Index f) const {
     const Vec3 a = scale_ * mesh_.corner(f, 0), b = scale_ * mesh_.corner(f, 1), c = scale_ * mesh_.corner(f, 2);
-    return std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
+    return std::max({norm(b - a), norm(c - b), norm(a - c)});
   }
 
   bool too_coarse(Index f, int level, double wanted) const { return std::ldexp(longest_edge(f), -level) > 1.4142 * wanted; }
@@ -185,13 +190,14 @@ struct PoleBall {
 PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTriangulation::Cell& cell) {
   const auto at = [&](std::size_t k) -> Vec3 { return triangulation.point(cell.vertex[k]).position(); };
   const Vec3 u = at(1) - at(0), v = at(2) - at(0), w = at(3) - at(0);
-  const double uu = u.squaredNorm(), vv = v.squaredNorm(), ww = w.squaredNorm();
+  const double uu = squared_norm(u), vv = squared_norm(v), ww = squared_norm(w);
   const Vec3 vw = v.cross(w), wu = w.cross(u), uv = u.cross(v);
-  const double det = u.dot(vw);
+  const double det = dot(u, vw);
   PoleBall ball;
+  if (det == 0) return ball;
   const Vec3 c = (uu * vw + vv * wu + ww * uv) / (2 * det);
   ball.center = at(0) + c;
-  ball.squared_radius = c.squaredNorm();
+  ball.squared_radius = squared_norm(c);
   // The centre solves 2uᵀc = u², … . A relative error e of the right sides and the matrix moves it by at most about
   // 4 e l³ (R + l)/|det|, l the longest edge (the inverse's norm is below 2l²/|det|). Demand a hundredth of R, with e = 2^-50,
   // and (R + l)² ≤ 2(R² + l²).
@@ -251,8 +257,8 @@ class PoleFinder {
     for (std::size_t i = 0; i < 4; ++i) {
       for (std::size_t j = 0; j < i; ++j) {
         const Vec3 chord = triangulation_.point(vertex[i]).position() - triangulation_.point(vertex[j]).position();
-        const double square = chord.squaredNorm(), steep = kSteep * kSteep * square;
-        const double above = chord.dot(normals[slot(vertex[i])]), below = chord.dot(normals[slot(vertex[j])]);
+        const double square = squared_norm(chord), steep = kSteep * kSteep * square;
+        const double above = dot(chord, normals[slot(vertex[i])]), below = dot(chord, normals[slot(vertex[j])]);
         longest = std::max(longest, square);
         pole.opposite = pole.opposite || (above * above > steep && below * below > steep);
       }
@@ -271,9 +277,9 @@ class PoleFinder {
       if (!cell.alive()) return;
       if (cell.ghost()) {
         const Vec3 a = triangulation_.point(cell.vertex[0]).position();
-        const Vec3 normal = (triangulation_.point(cell.vertex[1]).position() - a)
-                                .cross(triangulation_.point(cell.vertex[2]).position() - a)
-                                .stableNormalized();
+        const Vec3 ab = triangulation_.point(cell.vertex[1]).position() - a;
+        const Vec3 ac = triangulation_.point(cell.vertex[2]).position() - a;
+        const Vec3 normal = stable_normalized(ab.cross(ac));
         for (std::size_t k = 0; k < 3; ++k) {
           const std::size_t v = slot(cell.vertex[k]);
           direction_[v] += normal;
@@ -306,7 +312,7 @@ class PoleFinder {
       for (const Index v : cell.vertex) {
         Index& best = second_[slot(v)];
         if (best != kNone && ball.squared_radius <= balls_[slot(best)].squared_radius) continue;
-        if ((ball.center - triangulation_.point(v).position()).dot(direction_[slot(v)]) < 0) best = c;
+        if (dot(ball.center - triangulation_.point(v).position(), direction_[slot(v)]) < 0) best = c;
       }
     });
   }

@@ -4,7 +4,6 @@
 #include "amps/execution.h"
 #include "amps/mesh_edges.h"
 #include "amps/spatial_sort.h"
-#include "amps/surface_tree.h"
 
 #include <algorithm>
 #include <array>
@@ -56,15 +55,20 @@ struct DistancePiece {
 /// circumcentre; in an obtuse one the bisectors of the two short sides meet the longest side before they meet each other, and
 /// it is there. Never less than the truth by more than rounding.
 double covering_radius(const Vec3& a, const Vec3& b, const Vec3& c) {
-  std::array<double, 3> squares = {(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()};
+  std::array<double, 3> squares = {detail::squared_norm(b - a), detail::squared_norm(c - b), detail::squared_norm(a - c)};
   std::sort(squares.begin(), squares.end());
   const double p = squares[0], q = squares[1], longest = squares[2];
   const double obtuse = longest - p - q;
   if (obtuse < 0) return std::sqrt(p * q / (4 * p * q - obtuse * obtuse) * longest);
   // The side of square p, at an angle of cosine k to the longest, has its bisector meet that at √p / 2k, and 2k √p √longest =
-  // p + longest − q; likewise q. Neither is beyond the middle, which also stands in for 0/0 where p is 0.
+  // p + longest − q; likewise q. Neither is beyond the middle, which also stands in where rounding leaves nothing to divide by.
   const double length = std::sqrt(longest);
-  const double from_p = p * length / (p + longest - q), from_q = q * length / (q + longest - p);
+  const auto meets_at = [&](double side, double other) {
+    const double projected = side + longest - other;
+    if (side == 0) return 0.0;
+    return projected > 0 ? side * length / projected : std::numeric_limits<double>::infinity();
+  };
+  const double from_p = meets_at(p, q), from_q = meets_at(q, p);
   return std::min(length / 2, from_p > from_q ? from_p : from_q);
 }
 
@@ -76,7 +80,7 @@ struct LongestSide {
   explicit LongestSide(const std::array<Vec3, 3>& x) {
     constexpr double kLonger = 1 + 1e-9;
     for (std::size_t i = 0; i < 3; ++i) {
-      const double l = (x[(i + 1) % 3] - x[i]).norm();
+      const double l = detail::norm(x[(i + 1) % 3] - x[i]);
       if (l > kLonger * length) {
         length = l;
         k = i;
@@ -115,6 +119,18 @@ class OneSidedMeasure {
         tolerance_(options.tolerance * diagonal),
         spacing_(options.spacing * diagonal),
         options_(options) {}
+
+  /// Points farther than `distance`: where there are any, not fewer than one in each piece of a facet under one facet of `to`.
+  /// Throws Error(kCancelled) when cancelled.
+  std::vector<detail::FarPoint> far_points(double distance, const TimeShares& shares) {
+    constexpr double kSlack = 0.01;
+    far_ = distance;
+    tolerance_ = kSlack * distance;
+    measure_vertices(shares.part(1));
+    upper_.assign(detail::slot(from_.num_facets()), std::numeric_limits<double>::infinity());
+    enclose(shares.part(2));
+    return std::move(far_points_);
+  }
 
   /// Shares: those of the search tree, of measuring and of cutting. Throws Error(kCancelled) when cancelled.
   OneSidedDistance run(const TimeShares& shares) {
@@ -192,7 +208,7 @@ class OneSidedMeasure {
         const auto f = static_cast<Index>(i);
         if (std::binary_search(repeated.begin(), repeated.end(), f)) continue;  // its points are those of another facet
         const std::array<Vec3, 3> x = corners_of(from_, f);
-        integrate(f, facet_corners(f), 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm(), sums[begin / kGrain]);
+        integrate(f, facet_corners(f), 0.5 * detail::norm((x[1] - x[0]).cross(x[2] - x[0])), sums[begin / kGrain]);
       }
       tell_cells(sums[begin / kGrain]);
     });
@@ -261,7 +277,7 @@ class OneSidedMeasure {
   }
 
   /// Pieces whose bound is at most this need no cut.
-  double goal() const { return farthest_.point.distance + tolerance_; }
+  double goal() const { return (far_ > 0 ? far_ : farthest_.point.distance) + tolerance_; }
 
   /// Cuts pieces until no bound exceeds the goal. They queue, and are cut in batches with the goal as it was before: so the
   /// number of threads changes nothing. (First come, first served: the best first would save nothing, for the sampling of
@@ -270,7 +286,9 @@ class OneSidedMeasure {
     std::deque<DistancePiece> queue;
     double settled = 0;  // the highest bound of the pieces that need no cut
     const auto keep = [&](const DistancePiece& piece) {
-      if (piece.upper > goal()) {
+      if (far_ > 0 && greatest_of(piece.corners) > far_) {
+        list_far_points(piece);
+      } else if (piece.upper > goal()) {
         queue.push_back(piece);
       } else {
         settled = std::max(settled, piece.upper);
@@ -319,6 +337,12 @@ class OneSidedMeasure {
     }
     for (const DistancePiece& piece : queue) settled = std::max(settled, piece.upper);
     result_.hausdorff = std::max(settled, farthest_.point.distance);
+  }
+
+  void list_far_points(const DistancePiece& piece) {
+    for (const DistancePoint& p : piece.corners) {
+      if (p.distance > far_) far_points_.push_back({piece.facet, p.nearest, p.distance, position(piece.facet, p.barycentric)});
+    }
   }
 
   /// Lowers piece.upper as far as is worth it: to the goal.
@@ -379,18 +403,32 @@ class OneSidedMeasure {
     if (piece.border_cuts < kBorderCuts && longest.length <= kTooLarge * LongestSide(corners_of(to_, piece.over)).length &&
         border_sides(piece, x, side)) {
       cut_along_border(piece, x, side, cut);
+      for (std::size_t k = 0; k < cut.count; ++k) cut.parts[k].border_cuts = piece.border_cuts + 1;
+    } else if (across_sides(x, longest, side)) {
+      cut_along_border(piece, x, side, cut);
+      for (std::size_t k = 0; k < cut.count; ++k) cut.parts[k].border_cuts = 0;
     } else {
       const DistancePoint &a = piece.corners[longest.k], &b = piece.corners[(longest.k + 1) % 3],
                           &c = piece.corners[(longest.k + 2) % 3];
       const DistancePoint middle = measure(piece.facet, (a.barycentric + b.barycentric) / 2, a.nearest);
       cut.add(piece, {a, middle, c});
       cut.add(piece, {middle, b, c});
+      for (std::size_t k = 0; k < cut.count; ++k) cut.parts[k].border_cuts = 0;
     }
-    for (std::size_t k = 0; k < cut.count; ++k) {
-      cut.parts[k].border_cuts = cut.count == 3 ? piece.border_cuts + 1 : 0;
-      bound(cut.parts[k]);
-    }
+    for (std::size_t k = 0; k < cut.count; ++k) bound(cut.parts[k]);
     return cut;
+  }
+
+  /// On which side of the middle of its longest side the corners of a needle lie, along that side: halves would be as slender,
+  /// and as many as the square of its length asks for. False if it is no needle, or its third corner is near the middle.
+  static bool across_sides(const std::array<Vec3, 3>& x, const LongestSide& longest, std::array<double, 3>& side) {
+    constexpr double kNeedle = 8, kNearMiddle = 0.1;
+    const Vec3 along = x[(longest.k + 1) % 3] - x[longest.k], other = x[(longest.k + 2) % 3] - x[longest.k];
+    const double square = detail::squared_norm(along);
+    if (!(square > kNeedle * detail::norm(along.cross(other)))) return false;
+    const Vec3 middle = x[longest.k] + along / 2;
+    for (std::size_t k = 0; k < 3; ++k) side[k] = detail::dot(along, x[k] - middle);
+    return std::fabs(side[(longest.k + 2) % 3]) > kNearMiddle * square;
   }
 
   /// On which side of the nearest border of the facet under the piece its corners lie: of the plane through the edge that the
@@ -402,9 +440,9 @@ class OneSidedMeasure {
     Vec3 inward = Vec3::Zero(), on_border = Vec3::Zero();
     for (std::size_t e = 0; e < 3; ++e) {
       const Vec3 direction = normal.cross(t[(e + 1) % 3] - t[e]);
-      const double length = direction.norm();
+      const double length = detail::norm(direction);
       if (!(length > 0)) return false;
-      const double distance = direction.dot(x[static_cast<std::size_t>(piece.worst)] - t[e]) / length;
+      const double distance = detail::dot(direction, x[static_cast<std::size_t>(piece.worst)] - t[e]) / length;
       if (distance < farthest) {
         farthest = distance;
         inward = direction / length;
@@ -414,7 +452,7 @@ class OneSidedMeasure {
     if (!(farthest < 0)) return false;
     double min_side = 0, max_side = 0;
     for (std::size_t k = 0; k < 3; ++k) {
-      side[k] = inward.dot(x[k] - on_border);
+      side[k] = detail::dot(inward, x[k] - on_border);
       min_side = std::min(min_side, side[k]);
       max_side = std::max(max_side, side[k]);
     }
@@ -439,7 +477,7 @@ class OneSidedMeasure {
     const DistancePoint &l = piece.corners[left], &r = piece.corners[right];
     cut.add(piece, {piece.corners[alone], on_left, on_right});
     const Vec3 at_left = position(piece.facet, on_left.barycentric), at_right = position(piece.facet, on_right.barycentric);
-    if ((at_left - x[right]).squaredNorm() < (at_right - x[left]).squaredNorm()) {  // the shorter diagonal
+    if (detail::squared_norm(at_left - x[right]) < detail::squared_norm(at_right - x[left])) {  // the shorter diagonal
       cut.add(piece, {on_left, l, r});
       cut.add(piece, {on_left, r, on_right});
     } else {
@@ -455,6 +493,8 @@ class OneSidedMeasure {
   std::vector<DistancePoint> at_vertex_;
   std::vector<double> upper_;  ///< of each facet: no point of it is farther
   FarthestPoint farthest_;
+  double far_ = 0;  ///< points farther than this are listed, instead; 0: none
+  std::vector<detail::FarPoint> far_points_;
   detail::WorkCounter* counter_ = nullptr;  ///< of cells, while integrate() runs
   OneSidedDistance result_;
 };
@@ -554,6 +594,19 @@ OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, co
   job.finish();
   return result;
 }
+
+namespace detail {
+
+std::vector<FarPoint> far_points(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double distance,
+                                 const Execution& execution) {
+  DistanceOptions options;
+  options.execution = execution;
+  const OneSidedCost cost(from.num_facets(), to.num_facets(), options);
+  const TimeShares shares(execution, {0, cost.measure, cost.cut});
+  return OneSidedMeasure(from, to, tree, 0, options).far_points(distance, shares);
+}
+
+}  // namespace detail
 
 std::ostream& operator<<(std::ostream& out, const DistanceReport& report) {
   std::ostringstream text;  // neither the caller's format nor its locale

@@ -14,12 +14,16 @@
 // subdivision down to the tolerance.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
+#include "amps/surface_tree.h"
 
 #include <cstdint>
 #include <iosfwd>
+#include <vector>
 
 namespace amps {
 
@@ -68,11 +72,31 @@ struct DistanceReport {
 /// all, and facets without area are curves or points, which count in the Hausdorff distance only. Bounds hold to rounding,
 /// 1e-14 of the greatest coordinate. Throws Error(kInvalidMesh) for a mesh that is not usable (require_usable),
 /// Error(kInvalidArgument) for options out of range; kCancelled. O(n log n) expected for n facets and points. Thread-safe.
-DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options = {});
+AMPS_EXPORT DistanceReport surface_distance(const MeshView& first, const MeshView& second, const DistanceOptions& options = {});
 
 /// One direction alone: distances of the points of `from` to `to`; tolerance and spacing relative to the diagonal of `from`.
-OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options = {});
+AMPS_EXPORT OneSidedDistance one_sided_distance(const MeshView& from, const MeshView& to, const DistanceOptions& options = {});
 
-std::ostream& operator<<(std::ostream& out, const DistanceReport& report);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const DistanceReport& report);
+
+namespace detail {
+
+/// A point of one surface that is far from another one.
+struct FarPoint {
+  Index facet = kNone;    ///< it is on
+  Index nearest = kNone;  ///< facet of the other surface
+  double distance = 0;
+  Vec3 position = Vec3::Zero();
+};
+
+/// Points of a surface that are farther than `distance` > 0 from another one, of which `tree` is; wherever some points are
+/// farther than 1.01 times that, one in their neighbourhood is listed. Proves nothing: coordinates are not scaled, and bounds
+/// are not kept. Both usable. Cost as one_sided_distance(), but there is no quadrature.
+std::vector<FarPoint> far_points(const MeshView& from, const MeshView& to, const SurfaceTree& tree, double distance,
+                                 const Execution& execution);
+
+}  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -32,6 +32,7 @@ struct TreeFacet {
   Vec3 a, ab, ac, to_b, to_c;
   double rim;  ///< if the projection has a barycentric coordinate at most this, look at that edge as well
   Index facet;
+  bool has_inner;  ///< false: too flat a facet for inner points; `to_b` and `to_c` are 0
 };
 
 struct FacetPoint {
@@ -59,9 +60,11 @@ struct TreeNode {
 
 namespace {
 
+using detail::dot;
 using detail::FacetPoint;
 using detail::FourFloats;
 using detail::kTreeArity;
+using detail::squared_norm;
 using detail::TreeFacet;
 using detail::TreeNode;
 using detail::TreeUnit;
@@ -89,24 +92,27 @@ TreeFacet tree_facet(const Vec3& a, const Vec3& b, const Vec3& c, Index facet) {
   // mesh shall be at distance 0 exactly. A sliver (sine of the angle at a below kSliver) has inner points known to
   // 2^-53/sine only, but its edges are nearer than its width.
   constexpr double kRim = 1e-9, kSliver = 1e-7;
-  TreeFacet t{a, b - a, c - a, Vec3::Zero(), Vec3::Zero(), kRim, facet};
+  constexpr double kInfinite = std::numeric_limits<double>::infinity(), kGreatest = std::numeric_limits<double>::max();
+  TreeFacet t{a, b - a, c - a, Vec3::Zero(), Vec3::Zero(), kRim, facet, false};
   const Vec3 normal = t.ab.cross(t.ac);
-  const double square = normal.squaredNorm();
-  if (!(square > kSliver * kSliver * t.ab.squaredNorm() * t.ac.squaredNorm())) t.rim = std::numeric_limits<double>::infinity();
-  if (square > 0) {
-    t.to_b = t.ac.cross(normal) / square;
-    t.to_c = normal.cross(t.ab) / square;
-  }
-  if (!(square > 0) || !t.to_b.allFinite() || !t.to_c.allFinite()) {
-    // No inner points: NaN fails every comparison.
-    t.to_b = t.to_c = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());
+  const double square = detail::squared_norm(normal);
+  if (!(square > kSliver * kSliver * detail::squared_norm(t.ab) * detail::squared_norm(t.ac))) t.rim = kInfinite;
+  const Vec3 b_direction = t.ac.cross(normal), c_direction = normal.cross(t.ab);
+  // In words: both quotients are finite. Only the smallest squares, far below 1, can make them overflow.
+  const double largest = std::max(b_direction.cwiseAbs().maxCoeff(), c_direction.cwiseAbs().maxCoeff());
+  t.has_inner = square > 0 && largest <= std::min(square, 1.0) * kGreatest;
+  if (t.has_inner) {
+    t.to_b = b_direction / square;
+    t.to_c = c_direction / square;
+  } else {
+    t.rim = kInfinite;
   }
   return t;
 }
 
 /// The parameter in [0, 1] of the point of the segment from 0 to `edge` nearest to x.
 double nearest_on_segment(const Vec3& edge, const Vec3& x) {
-  const double along = edge.dot(x), square = edge.squaredNorm();
+  const double along = dot(edge, x), square = squared_norm(edge);
   if (!(along > 0)) return 0;
   return along >= square ? 1 : along / square;
 }
@@ -114,17 +120,17 @@ double nearest_on_segment(const Vec3& edge, const Vec3& x) {
 FacetPoint nearest_on(const TreeFacet& t, const Vec3& query) {
   const Vec3 x = query - t.a;
   FacetPoint best{std::numeric_limits<double>::infinity(), 0, 0};
-  double b = x.dot(t.to_b), c = x.dot(t.to_c);
-  if (b >= 0 && c >= 0 && b + c <= 1) {
+  double b = detail::dot(x, t.to_b), c = detail::dot(x, t.to_c);
+  if (b >= 0 && c >= 0 && b + c <= 1 && t.has_inner) {
     // The error of b and c is 2^-53 over the sine of the facet's angle; measured on what they leave of x, that of the error.
     Vec3 rest = x - b * t.ab - c * t.ac;
-    const double finer_b = b + rest.dot(t.to_b), finer_c = c + rest.dot(t.to_c);
+    const double finer_b = b + dot(rest, t.to_b), finer_c = c + dot(rest, t.to_c);
     if (finer_b >= 0 && finer_c >= 0 && finer_b + finer_c <= 1) {
       b = finer_b;
       c = finer_c;
       rest = x - b * t.ab - c * t.ac;
     }
-    best = {rest.squaredNorm(), b, c};
+    best = {squared_norm(rest), b, c};
   }
   // Outside, the nearest point is on an edge whose line parts the projection from the facet.
   const auto offer = [&best](double squared_distance, double at_b, double at_c) {
@@ -132,16 +138,16 @@ FacetPoint nearest_on(const TreeFacet& t, const Vec3& query) {
   };
   if (!(c > t.rim)) {
     const double at = nearest_on_segment(t.ab, x);
-    offer((x - at * t.ab).squaredNorm(), at, 0);
+    offer(squared_norm(x - at * t.ab), at, 0);
   }
   if (!(b > t.rim)) {
     const double at = nearest_on_segment(t.ac, x);
-    offer((x - at * t.ac).squaredNorm(), 0, at);
+    offer(squared_norm(x - at * t.ac), 0, at);
   }
   if (!(1 - b - c > t.rim)) {
     const Vec3 from_b = x - t.ab, bc = t.ac - t.ab;
     const double at = nearest_on_segment(bc, from_b);
-    offer((from_b - at * bc).squaredNorm(), 1 - at, at);
+    offer(squared_norm(from_b - at * bc), 1 - at, at);
   }
   return best;
 }

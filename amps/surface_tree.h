@@ -11,6 +11,8 @@
 // visiting it; distances are doubles. So the answer is that of a loop over all facets, bit for bit.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -37,28 +39,28 @@ class SurfaceTree {
  public:
   /// Copies what it needs, so the caller's buffers may go. Throws Error(kInvalidMesh) if the mesh has no facet, a corner
   /// that is NaN or infinite, or an index out of range; kCancelled. O(#F log #F).
-  explicit SurfaceTree(const MeshView& mesh, const Execution& execution = {});
-  ~SurfaceTree();
-  SurfaceTree(SurfaceTree&&) noexcept;
-  SurfaceTree& operator=(SurfaceTree&&) noexcept;
+  AMPS_EXPORT explicit SurfaceTree(const MeshView& mesh, const Execution& execution = {});
+  AMPS_EXPORT ~SurfaceTree();
+  AMPS_EXPORT SurfaceTree(SurfaceTree&&) noexcept;
+  AMPS_EXPORT SurfaceTree& operator=(SurfaceTree&&) noexcept;
 
-  Index num_facets() const;
+  AMPS_EXPORT Index num_facets() const;
 
   // Queries throw Error(kInvalidArgument) for a point that is not finite, or farther from the mesh than 1e150 times its size.
 
   /// The nearest point of the surface. `hint`: a facet thought to be near, such as that of the last query; it saves time and
   /// never changes the answer. O(log #F) expected for points near the surface.
-  SurfaceHit nearest(const Vec3& query, Index hint = kNone) const;
+  AMPS_EXPORT SurfaceHit nearest(const Vec3& query, Index hint = kNone) const;
 
   /// The same if its distance is at most `radius` ≥ 0, else a hit with facet kNone. The smaller the radius the faster.
-  SurfaceHit nearest_within(const Vec3& query, double radius) const;
+  AMPS_EXPORT SurfaceHit nearest_within(const Vec3& query, double radius) const;
 
   /// The nearest point of one facet.
-  SurfaceHit nearest_on_facet(const Vec3& query, Index facet) const;
+  AMPS_EXPORT SurfaceHit nearest_on_facet(const Vec3& query, Index facet) const;
 
   /// nearest() of every row; fast where rows that follow each other are near each other. Cancelled, it throws
   /// Error(kCancelled).
-  std::vector<SurfaceHit> nearest_all(const PointsView& queries, const Execution& execution = {}) const;
+  AMPS_EXPORT std::vector<SurfaceHit> nearest_all(const PointsView& queries, const Execution& execution = {}) const;
 
  private:
   struct Impl;
@@ -66,3 +68,5 @@ class SurfaceTree {
 };
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -8,6 +8,8 @@
 // a facet and two sites): components and Euler characteristics are counted from these, never from coordinates.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -41,7 +43,7 @@ enum class TopologyFailureKind {
 inline constexpr std::size_t kNumTopologyFailureKinds = 11;
 
 /// In words, such as "uncovered".
-const char* name_of(TopologyFailureKind kind) noexcept;
+AMPS_EXPORT const char* name_of(TopologyFailureKind kind) noexcept;
 
 struct TopologyFailure {
   TopologyFailureKind kind;
@@ -56,7 +58,7 @@ struct TopologyFailure {
   std::tuple<TopologyFailureKind, Index, Index, Index, Index> tied() const { return {kind, sample, other, third, facet}; }
 };
 /// In a sentence.
-std::ostream& operator<<(std::ostream& out, const TopologyFailure& failure);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const TopologyFailure& failure);
 
 /// The dual triangles, without triples met an even number of times, are homeomorphic to the surface if this holds: to the
 /// surface whose fans at a vertex are apart where no sample that owns them is at that vertex. Curves are then edges of the
@@ -68,7 +70,7 @@ struct TopologyCertificate {
   bool holds() const { return failures.empty(); }
   Index num_failures(TopologyFailureKind kind) const { return failures_of[static_cast<std::size_t>(kind)]; }
 };
-std::ostream& operator<<(std::ostream& out, const TopologyCertificate& certificate);
+AMPS_EXPORT std::ostream& operator<<(std::ostream& out, const TopologyCertificate& certificate);
 
 namespace detail {
 
@@ -189,3 +191,5 @@ class TopologyChecker::Scratch {
 }  // namespace detail
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -71,7 +71,7 @@ bool RefinementCaps::lower(const TopologyCertificate& certificate, const DiskSet
             for (std::size_t s = first; s < end; ++s) {
               const Sample& near = curves->samples[s].sample;
               const double reach = owner.radius + near.radius;
-              if ((near.position() - owner.position()).squaredNorm() < reach * reach) add(static_cast<Index>(s), kCurveShare);
+              if (squared_norm(near.position() - owner.position()) < reach * reach) add(static_cast<Index>(s), kCurveShare);
             }
           };
           const auto place = [&](auto is_before) {

@@ -41,7 +41,7 @@ class RefinementCaps {
   explicit RefinementCaps(std::vector<RadiusCap> caps = {}) : caps_(std::move(caps)), num_before_(caps_.size()) {}
 
   /// Lowers radii where the certificate fails. False if it does not, or if all samples at failures have come down to the floor:
-  /// a thousandth of the wanted radius.
+  /// a thousandth of the wanted radius, which knows of curves.
   bool lower(const TopologyCertificate& certificate, const DiskSet& disks, const CurveSamples* curves,
              const WantedRadii& wanted);
 
@@ -53,12 +53,6 @@ class RefinementCaps {
   std::vector<RadiusCap> caps_;
   std::size_t num_before_ = 0;
   int rounds_ = 0;
-};
-
-/// A sample that does not lie on a curve.
-struct FaceSample {
-  Sample sample;
-  bool of_darts;  ///< or of gap filling
 };
 
 /// A maximal set whose radii fall here and there, in its diagram and disks; what lies on curves stays.

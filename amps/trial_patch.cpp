@@ -11,10 +11,17 @@ namespace amps::detail {
 namespace {
 
 /// Orthocentre of three weighted points in their plane: the point of equal power.
-Vec3 dual_point(const Vec3& a, double wa, const Vec3& b, double wb, const Vec3& c, double wc) {
+struct DualPoint {
+  Vec3 position;
+  double power;  ///< −∞ for points on a line, which have none: no sample is in conflict with them, and they have no gap
+};
+DualPoint dual_point(const Vec3& a, double wa, const Vec3& b, double wb, const Vec3& c, double wc) {
   const Vec3 u = b - a, v = c - a, n = u.cross(v);
-  const double bu = u.squaredNorm() - wb + wa, bv = v.squaredNorm() - wc + wa;
-  return a + (bu * v.cross(n) + bv * n.cross(u)) / (2 * n.squaredNorm());
+  const double nn = detail::squared_norm(n);
+  if (nn == 0) return {a, -kInfinity};
+  const double bu = detail::squared_norm(u) - wb + wa, bv = detail::squared_norm(v) - wc + wa;
+  const Vec3 dual = a + (bu * v.cross(n) + bv * n.cross(u)) / (2 * nn);
+  return {dual, detail::squared_norm(dual - a) - wa};
 }
 
 /// A dual point above the surface may be uncovered where the surface is not: so much of the weight is allowed, and the diagram
@@ -80,8 +87,9 @@ void TrialPatch::append(int a, int b, int c) {
   Triangle& t = triangles_[static_cast<std::size_t>(num_triangles_++)];
   const auto ia = static_cast<std::size_t>(a), ib = static_cast<std::size_t>(b), ic = static_cast<std::size_t>(c);
   t.corner = {static_cast<std::uint8_t>(a), static_cast<std::uint8_t>(b), static_cast<std::uint8_t>(c)};
-  t.dual = dual_point(position_[ia], weight_[ia], position_[ib], weight_[ib], position_[ic], weight_[ic]);
-  t.power = (t.dual - position_[ia]).squaredNorm() - weight_[ia];
+  const DualPoint dual = dual_point(position_[ia], weight_[ia], position_[ib], weight_[ib], position_[ic], weight_[ic]);
+  t.dual = dual.position;
+  t.power = dual.power;
   t.rating = rating_->triangle(position_[ia], position_[ib], position_[ic]);
   for (const std::size_t v : {ia, ib, ic}) ++neighbors_[v];
 }
@@ -144,12 +152,11 @@ bool TrialPatch::fill(const std::uint8_t* ring, int size) {
     for (int k = 0; k < size && best_margin < 0; ++k) {
       const auto at = [&](int i) { return left[static_cast<std::size_t>((k + i + size) % size)]; };
       const Vec3 &a = position_[at(-1)], &b = position_[at(0)], &c = position_[at(1)];
-      if (!((b - a).cross(c - b).dot(normal) > 0)) continue;
-      const Vec3 dual = dual_point(a, weight_[at(-1)], b, weight_[at(0)], c, weight_[at(1)]);
-      const double power = (dual - a).squaredNorm() - weight_[at(-1)];
+      if (!(detail::dot((b - a).cross(c - b), normal) > 0)) continue;
+      const DualPoint dual = dual_point(a, weight_[at(-1)], b, weight_[at(0)], c, weight_[at(1)]);
       double margin = std::numeric_limits<double>::infinity();
       for (int i = 2; i + 1 < size; ++i) {
-        margin = std::min(margin, (dual - position_[at(i)]).squaredNorm() - weight_[at(i)] - power);
+        margin = std::min(margin, detail::squared_norm(dual.position - position_[at(i)]) - weight_[at(i)] - dual.power);
       }
       if (margin > best_margin) {
         best_margin = margin;
@@ -172,7 +179,7 @@ bool TrialPatch::insert(const Vec3& x, double weight) {
   int gone = 0;
   for (int t = 0; t < num_triangles_;) {
     const Triangle& triangle = triangles_[static_cast<std::size_t>(t)];
-    if (!((triangle.dual - x).squaredNorm() - weight < triangle.power)) {
+    if (!(squared_norm(triangle.dual - x) - weight < triangle.power)) {
       ++t;
       continue;
     }

@@ -35,6 +35,8 @@
 // Thread-safety: const members may be called concurrently; everything else needs exclusive access.
 #pragma once
 
+#include "amps/host_macros_begin.h"
+
 #include "amps/base.h"
 #include "amps/buffers.h"
 #include "amps/execution.h"
@@ -105,28 +107,28 @@ class RegularTriangulation {
   RegularTriangulation() = default;
 
   /// Bulk construction: insert(positions, weights).
-  explicit RegularTriangulation(const PointsView& positions);
-  RegularTriangulation(const PointsView& positions, const ValuesView& weights, const Execution& execution = {});
+  AMPS_EXPORT explicit RegularTriangulation(const PointsView& positions);
+  AMPS_EXPORT RegularTriangulation(const PointsView& positions, const ValuesView& weights, const Execution& execution = {});
 
   /// Inserts a list of points: ids are num_vertices()… in row order. No weights: all 0.
   /// Throws Error(kInvalidArgument): a coordinate or weight not finite (names the row), sizes differ, more than 2^29 cells.
   /// Nothing has changed then.
-  void insert(const PointsView& positions);
+  AMPS_EXPORT void insert(const PointsView& positions);
   /// With more than one thread large sets go in in parallel, with the same cells; small ones stay sequential. Cancelled, it
   /// throws Error(kCancelled), and the triangulation is empty then: what it held before is gone too.
-  void insert(const PointsView& positions, const ValuesView& weights, const Execution& execution = {});
+  AMPS_EXPORT void insert(const PointsView& positions, const ValuesView& weights, const Execution& execution = {});
 
   /// Inserts one point and returns its id. `hint`: a cell near it (kNone: the last one touched).
-  Index insert(const Vec3& position, double weight, Index hint = kNone);
+  AMPS_EXPORT Index insert(const Vec3& position, double weight, Index hint = kNone);
 
   /// Takes a point out, in any order down to none; what it had hidden comes back. Ids of other points stay valid, and no id is
   /// given out again except by reinsert(). Throws Error(kInvalidArgument) if there is no such point. O(d log d) for a vertex of
   /// degree d; d is 15 on average in a volume.
-  void remove(Index v);
+  AMPS_EXPORT void remove(Index v);
   /// Puts a removed id back to use. Errors as insert(), and kInvalidArgument if v is not a removed id.
-  void reinsert(Index v, const Vec3& position, double weight, Index hint = kNone);
+  AMPS_EXPORT void reinsert(Index v, const Vec3& position, double weight, Index hint = kNone);
   /// Removes v and reinserts it elsewhere or with another weight; nothing happens if nothing differs.
-  void move(Index v, const Vec3& position, double weight);
+  AMPS_EXPORT void move(Index v, const Vec3& position, double weight);
 
   /// Points that the last insert() of one point, reinsert() or move() hid: the new one itself, or vertices it dominates. After
   /// remove(): meaningless.
@@ -152,9 +154,9 @@ class RegularTriangulation {
   Index num_ghosts() const { return num_ghosts_; }  ///< = hull facets
 
   /// #C by 4 corners of the finite cells, in storage order.
-  Tetrahedra cells(const Execution& execution = {}) const;
+  AMPS_EXPORT Tetrahedra cells(const Execution& execution = {}) const;
   /// #H by 3 hull facets, outward: counter-clockwise seen from outside.
-  Triangles hull(const Execution& execution = {}) const;
+  AMPS_EXPORT Triangles hull(const Execution& execution = {}) const;
 
   /// Some cell with corner v (kNone for hidden points and while dimension() < 3).
   Index incident_cell(Index v) const {
@@ -163,31 +165,31 @@ class RegularTriangulation {
 
   /// Vertices sharing an edge with v, ascending ids, kInfinite left out. Empty for hidden points. `out` is overwritten and
   /// keeps its capacity. O(degree).
-  void neighbors(Index v, std::vector<Index>& out) const;
+  AMPS_EXPORT void neighbors(Index v, std::vector<Index>& out) const;
   /// Cells with corner v, ghosts included, in no particular order.
-  void incident_cells(Index v, std::vector<Index>& out) const;
+  AMPS_EXPORT void incident_cells(Index v, std::vector<Index>& out) const;
   /// All vertices' neighbours at once: those of v are `adjacent[offset[v]] … adjacent[offset[v + 1] − 1]`, ascending.
   struct Adjacency {
     std::vector<Index> offset;
     std::vector<Index> adjacent;
   };
-  Adjacency adjacency(const Execution& execution = {}) const;
+  AMPS_EXPORT Adjacency adjacency(const Execution& execution = {}) const;
 
   /// The cell that contains x, boundary included; a ghost cell whose hull facet sees x if x is outside the hull. `hint`: a cell
   /// to start from. Requires dimension() == 3 (else kNone). Throws Error(kInvalidArgument) if x is not finite.
-  Index locate(const Vec3& x, Index hint = kNone) const;
+  AMPS_EXPORT Index locate(const Vec3& x, Index hint = kNone) const;
 
   /// The visible vertex with the smallest power at x; ties go to the lexicographically smallest, as everywhere. A walk over
   /// power cells from `near` (a vertex; kNone: any). kNone if there is no point. O(distance walked); O(n) if dimension() < 3.
   /// Throws Error(kInvalidArgument) if x is not finite.
-  Index power_nearest(const Vec3& x, Index near = kNone) const;
+  AMPS_EXPORT Index power_nearest(const Vec3& x, Index near = kNone) const;
 
   /// Re-proves every invariant and returns the first violation found, "" if none.
   ///   1: adjacency is symmetric, corners agree, all finite cells positively oriented
   ///   2: and every facet locally regular, hull facets included: then so is the whole triangulation (Edelsbrunner & Shah 1996)
   ///   3: and hidden points are hidden
   /// Linear in the number of cells and points.
-  std::string check(int level = 3, const Execution& execution = {}) const;
+  AMPS_EXPORT std::string check(int level = 3, const Execution& execution = {}) const;
 
  private:
   friend struct detail::TriangulationTestAccess;
@@ -302,9 +304,9 @@ class RegularTriangulation {
   Index last_cell_ = kNone;  ///< where the next walk without a hint starts
   bool weights_vary_ = false;
 
-  Vec3 box_min_ = Vec3::Constant(INFINITY);
-  Vec3 box_max_ = Vec3::Constant(-INFINITY);
-  double weight_min_ = INFINITY, weight_max_ = -INFINITY;
+  Vec3 box_min_ = Vec3::Constant(detail::kInfinity);
+  Vec3 box_max_ = Vec3::Constant(-detail::kInfinity);
+  double weight_min_ = detail::kInfinity, weight_max_ = -detail::kInfinity;
   detail::ExactScale scale_;  ///< the lattice all points lie on
   detail::StaticBounds bounds_;
 
@@ -326,3 +328,5 @@ class RegularTriangulation {
 };
 
 }  // namespace amps
+
+#include "amps/host_macros_end.h"

@@ -30,7 +30,7 @@ class Arguments;
 
 struct Command {
   const char* name;
-  const char* operands;  ///< as in the synopsis; those in brackets may be left out
+  const char* operands;  ///< as in the synopsis; those in brackets may be left out, one with dots given several times
   const char* summary;
   const char* details;
   std::vector<Option> options;
@@ -39,6 +39,10 @@ struct Command {
 
 inline const std::vector<Option>& common_options() {
   static const std::vector<Option> kCommon{
+      {"--overwrite-input", nullptr, "an output may take the place of a file that is read"},
+      {"--format", "FORMAT",
+       "of what is named -, the standard input or output: obj, off, ply, stl; samples: xyzr, ply, csv;\n"
+       "                     IN,OUT if both are. If an output is -, the table is on stderr"},
       {"--quiet", nullptr, "print nothing but errors"},
       {"--help", nullptr, "print this and exit"},
   };
@@ -211,5 +215,6 @@ Arguments::Arguments(const Command& command, const std::vector<std::string>& wor
   const auto most = static_cast<std::size_t>(std::count(synopsis.begin(), synopsis.end(), ' ')) + 1;
   const std::size_t least = most - static_cast<std::size_t>(std::count(synopsis.begin(), synopsis.end(), '['));
   if (operands_.size() < least) throw error("too few arguments, it wants " + synopsis);
-  if (operands_.size() > most) throw error("one argument too many: '" + operands_[most] + "'");
+  const bool any_number = synopsis.find("...") != std::string::npos;
+  if (operands_.size() > most && !any_number) throw error("one argument too many: '" + operands_[most] + "'");
 }

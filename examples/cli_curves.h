@@ -99,7 +99,7 @@ inline std::vector<std::array<amps::Index, 2>> edges_of(const amps::CurveGraph& 
 }
 
 /// Curves and corners as an OBJ file of lines and points: --keep takes them as they are.
-inline void write_graph(const std::string& path, const amps::Mesh& mesh, const amps::CurveGraph& graph,
+inline void write_graph(const Files& files, const std::string& name, const amps::Mesh& mesh, const amps::CurveGraph& graph,
                         const amps::Execution& execution) {
   amps::MeshWriteOptions writing;
   writing.edges = edges_of(graph);
@@ -116,5 +116,5 @@ inline void write_graph(const std::string& path, const amps::Mesh& mesh, const a
   amps::Mesh lines;
   lines.vertices.resize(static_cast<std::ptrdiff_t>(used.size()));
   for (std::size_t i = 0; i < used.size(); ++i) lines.vertices.row(static_cast<std::ptrdiff_t>(i)) = mesh.vertices.row(used[i]);
-  amps::write_mesh(path, lines, writing, execution);
+  files.write(name, lines, writing, execution);
 }

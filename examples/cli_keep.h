@@ -60,10 +60,13 @@ class MatchedVertices {
 /// of a line between two vertices of one position marks nothing, and is left out.
 class KeptMarks {
  public:
-  KeptMarks(const fs::path& file, const fs::path& mesh_file, const amps::Mesh& mesh, const amps::Execution& execution)
-      : file_(file), mesh_file_(mesh_file), marks_(amps::read_mesh_marks(file, execution.part(0, 0.3))) {
+  KeptMarks(const Files& files, const std::string& file, const std::string& mesh_file, const amps::Mesh& mesh,
+            const amps::Execution& execution)
+      : file_(Files::shown(file, Files::kInput)),
+        mesh_file_(Files::shown(mesh_file, Files::kInput)),
+        marks_(files.marks(file, execution.part(0, 0.3))) {
     if (marks_.empty()) fail("no line (l) and no point (p) is in it; mark edges of the mesh by lines, corners by points");
-    drawn_ = amps::read_mesh(file, execution.part(0.3, 0.6));
+    drawn_ = files.mesh(file, execution.part(0.3, 0.6));
     const MatchedVertices matched(mesh, drawn_, execution.part(0.6, 0.8));
     find_edges(matched);
     look_over(mesh, matched, execution.part(0.8, 1));
@@ -80,7 +83,7 @@ class KeptMarks {
   static Pair sorted(amps::Index a, amps::Index b) { return a < b ? Pair{a, b} : Pair{b, a}; }
 
   [[noreturn]] void fail(const std::string& what) const {
-    throw amps::Error(amps::ErrorCode::kFileFormat, file_.string() + ": " + what);
+    throw amps::Error(amps::ErrorCode::kFileFormat, file_ + ": " + what);
   }
   [[noreturn]] void fail(std::size_t line, const std::string& what) const {
     fail("line " + std::to_string(line) + ": " + what);
@@ -126,16 +129,19 @@ class KeptMarks {
 
   void require_vertex(const MatchedVertices& matched, amps::Index v, std::size_t line) const {
     if (matched.vertex_at(matched.place_of_other(v)) != amps::kNone) return;
-    fail(line, shown(v) + " is where " + mesh_file_.string() + " has no vertex; give vertices at exactly the same positions");
+    fail(line, shown(v) + " is where " + mesh_file_ + " has no vertex; give vertices at exactly the same positions");
   }
   void require_all(const MatchedVertices& matched) {
     for (std::size_t i = 0; i < marks_.edges.size(); ++i) {
       const Pair edge = marks_.edges[i];
+      if (edge[0] == edge[1]) {
+        fail(marks_.edge_lines[i], "a line from " + shown(edge[0]) + " to itself is no edge; name two vertices");
+      }
       for (const amps::Index v : edge) require_vertex(matched, v, marks_.edge_lines[i]);
       if (pairs_[i][0] == pairs_[i][1]) continue;
       if (!is_edge_[wanted(pairs_[i])]) {
-        fail(marks_.edge_lines[i], "from " + shown(edge[0]) + " to " + shown(edge[1]) + " there is no edge of " +
-                                       mesh_file_.string() + "; follow its edges one by one, or remove the line");
+        fail(marks_.edge_lines[i], "from " + shown(edge[0]) + " to " + shown(edge[1]) + " there is no edge of " + mesh_file_ +
+                                       "; follow its edges one by one, or remove the line");
       }
       edges_.push_back({matched.vertex_at(pairs_[i][0]), matched.vertex_at(pairs_[i][1])});
     }
@@ -143,13 +149,13 @@ class KeptMarks {
       const amps::Index v = marks_.vertices[i];
       require_vertex(matched, v, marks_.vertex_lines[i]);
       if (!on_facet_[static_cast<std::size_t>(matched.place_of_other(v))]) {
-        fail(marks_.vertex_lines[i], shown(v) + " is on no facet of " + mesh_file_.string() + "; remove the point");
+        fail(marks_.vertex_lines[i], shown(v) + " is on no facet of " + mesh_file_ + "; remove the point");
       }
       vertices_.push_back(matched.vertex_at(matched.place_of_other(v)));
     }
   }
 
-  fs::path file_, mesh_file_;
+  std::string file_, mesh_file_;
   amps::MeshMarks marks_;
   amps::Mesh drawn_;            // what the file has: of it, vertices
   std::vector<Pair> pairs_;     // by line piece: places of its ends
@@ -161,8 +167,8 @@ class KeptMarks {
 };
 
 /// --keep, for the mesh that was read from the first operand.
-inline void keep_marks(const Arguments& arguments, const amps::Mesh& mesh, const amps::Execution& execution,
+inline void keep_marks(const Arguments& arguments, const Files& files, const amps::Mesh& mesh, const amps::Execution& execution,
                        amps::CurveOptions& options) {
   if (!arguments.has("--keep")) return;
-  KeptMarks(arguments.text("--keep"), arguments.operand(0), mesh, execution).mark(options);
+  KeptMarks(files, arguments.text("--keep"), arguments.operand(0), mesh, execution).mark(options);
 }

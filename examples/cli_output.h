@@ -1,4 +1,4 @@
-// cli_output.h: what the program `amps` prints and writes — numbers as text, the table on stdout, JSON.
+// cli_output.h: what the program `amps` prints and writes — numbers as text, the table, JSON.
 #pragma once
 
 #include "amps/base.h"
@@ -58,14 +58,14 @@ inline std::string wrapped(const std::string& text, std::size_t column, std::siz
   return result;
 }
 
-/// The table on stdout: a name and one or two values a row, in 80 columns.
+/// The table: a name and one or two values a row, in 80 columns.
 class Table {
  public:
   struct Row {
     std::string name, first, second;
     bool has_second;
   };
-  explicit Table(bool quiet) : quiet_(quiet) {}
+  Table(bool quiet, std::FILE* stream) : quiet_(quiet), stream_(stream) {}
   void row(const char* name, const std::string& value) const { add({name, value, "", false}); }
   void row(const char* name, const std::string& first, const std::string& second) const { add({name, first, second, true}); }
   const std::vector<Row>& rows() const { return rows_; }  ///< also of a quiet one
@@ -90,10 +90,11 @@ class Table {
       const std::string start = name + format("%-14s ", row.first.c_str());
       line = start + wrapped(row.second, start.size(), kNameColumns + kFirstColumns);
     }
-    std::printf("%s\n", line.c_str());
+    std::fprintf(stream_, "%s\n", line.c_str());
   }
 
   bool quiet_;
+  std::FILE* stream_;
   bool held_ = false;
   mutable std::vector<Row> rows_;  // printing does not change what a table is of
 };

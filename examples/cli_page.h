@@ -8,7 +8,7 @@
 #include "cli_output.h"
 #include "cli_plots.h"
 #include "cli_report.h"
-#include "report_page.h"  // generated from report_page/ by embed.cmake
+#include "page_files.h"  // generated from report_page/ by embed.cmake
 
 #include <algorithm>
 #include <array>

@@ -45,15 +45,25 @@ inline void add_distance(Json& json, const std::string& reference, const amps::D
   json.close();
 }
 
+/// Numbers of the result that are worse than the input's are marked, and those that should be the input's and are not.
+inline std::string worse_if(bool worse, const std::string& value) { return worse ? value + "   worse" : value; }
+inline std::string changed_if(bool changed, const std::string& value) { return changed ? value + "   changed" : value; }
+
 inline void print_topology(const Table& table, const amps::TopologyReport& in, const amps::TopologyReport& out) {
-  const auto row = [&](const char* name, amps::Index amps::TopologyReport::*member) {
-    table.row(name, number(in.*member), number(out.*member));
+  const auto kept = [&](const char* name, amps::Index amps::TopologyReport::*member) {
+    table.row(name, number(in.*member), changed_if(out.*member != in.*member, number(out.*member)));
   };
-  row("components", &amps::TopologyReport::components);
-  row("Euler characteristic", &amps::TopologyReport::euler_characteristic);
-  row("boundary loops", &amps::TopologyReport::boundary_loops);
-  row("non-manifold edges", &amps::TopologyReport::non_manifold_edges);
-  row("non-manifold vertices", &amps::TopologyReport::non_manifold_vertices);
+  const auto trouble = [&](const char* name, amps::Index amps::TopologyReport::*member) {
+    table.row(name, number(in.*member), worse_if(out.*member > in.*member, number(out.*member)));
+  };
+  kept("components", &amps::TopologyReport::components);
+  kept("Euler characteristic", &amps::TopologyReport::euler_characteristic);
+  kept("boundary loops", &amps::TopologyReport::boundary_loops);
+  trouble("non-manifold edges", &amps::TopologyReport::non_manifold_edges);
+  trouble("non-manifold vertices", &amps::TopologyReport::non_manifold_vertices);
+  if (in.inconsistent_edges + out.inconsistent_edges > 0) {
+    trouble("inconsistent edges", &amps::TopologyReport::inconsistent_edges);
+  }
 }
 
 inline void add_topology(Json& json, const char* key, const amps::TopologyReport& report) {
@@ -74,7 +84,8 @@ inline void add_topology(Json& json, const char* key, const amps::TopologyReport
 inline void print_curves(const Table& table, const amps::CurveReport& report) {
   if (report.samples == 0) return;
   table.row("curves, corners", number(report.curves) + ", " + number(report.corners), number(report.samples) + " vertices");
-  table.row("edges along curves", "", number(report.edges_kept) + " of " + number(report.edges) + " kept");
+  table.row("edges along curves", "",
+            worse_if(report.edges_kept < report.edges, number(report.edges_kept) + " of " + number(report.edges) + " kept"));
   table.row("curves off by up to", "", format("%.3g", report.deviation));
   const auto angles = [&](const char* name, const amps::QualityReport& quality) {
     if (quality.triangles > 0) table.row(name, "", format("%.2f to %.2f degrees", quality.min_angle, quality.max_angle));
@@ -146,7 +157,8 @@ inline void add_certificate(Json& json, const amps::TopologyCertificate& certifi
 inline void print_crossings(const Table& table, const amps::RemeshReport& report) {
   const auto pairs = [](std::int64_t n) { return n == 0 ? std::string("none") : std::to_string(n) + " pairs"; };
   const bool known = report.self_intersections > 0;
-  table.row("self-intersections", known ? pairs(report.input_self_intersections) : "", pairs(report.self_intersections));
+  table.row("self-intersections", known ? pairs(report.input_self_intersections) : "",
+            worse_if(report.self_intersections > report.input_self_intersections, pairs(report.self_intersections)));
 }
 
 inline void add_crossings(Json& json, const amps::RemeshReport& report) {
@@ -185,21 +197,38 @@ inline void add_maximality(Json& json, const amps::MaximalityReport& report) {
       .add("maximal", report.maximal())
       .add("poisson_disk", report.poisson_disk())
       .add("worst_coverage", report.worst_coverage)
+      .add("worst_x", report.worst_point.x())
+      .add("worst_y", report.worst_point.y())
+      .add("worst_z", report.worst_point.z())
       .add("worst_separation", report.worst_separation)
       .add("gaps", report.gaps)
       .add("gap_area", report.gap_area)
       .close();
 }
 
-inline void print_quality(const Table& table, const amps::QualityReport& report, double radius) {
-  table.row("angles", format("%.2f to %.2f degrees", report.min_angle, report.max_angle));
-  table.row("mean smallest angle", format("%.2f degrees", report.mean_min_angle));
+/// `input`: of the input, to compare; nullptr: none.
+inline void print_quality(const Table& table, const amps::QualityReport& report, double radius,
+                          const amps::QualityReport* input = nullptr) {
+  constexpr double kRounding = 0.005;  // of what is printed
+  const auto of_input = [input](const std::string& value) { return input == nullptr ? "" : "   (input: " + value + ")"; };
+  const auto angles = [](const amps::QualityReport& r) { return format("%.2f to %.2f", r.min_angle, r.max_angle); };
+  const auto row = [&](const char* name, const std::string& value, const std::string& before, bool worse) {
+    table.row(name, worse_if(input != nullptr && worse, value + of_input(before)));
+  };
+  const amps::QualityReport& in = input == nullptr ? report : *input;
+  row("angles", angles(report) + " degrees", angles(in),
+      report.min_angle < in.min_angle - kRounding || report.max_angle > in.max_angle + kRounding);
+  row("mean smallest angle", format("%.2f degrees", report.mean_min_angle), format("%.2f", in.mean_min_angle),
+      report.mean_min_angle < in.mean_min_angle - kRounding);
   if (radius > 0) {
     table.row("edges / r", format("%.6f to %.6f", report.min_edge / radius, report.max_edge / radius));
   } else {
     table.row("edges", format("%.6g to %.6g, mean %.6g", report.min_edge, report.max_edge, report.mean_edge));
   }
-  if (report.interior_vertices > 0) table.row("valence 5 to 7", format("%.2f %%", report.valence_5_6_7));
+  if (report.interior_vertices > 0) {
+    row("valence 5 to 7", format("%.2f %%", report.valence_5_6_7), format("%.2f %%", in.valence_5_6_7),
+        report.valence_5_6_7 < in.valence_5_6_7 - kRounding);
+  }
 }
 
 inline void add_quality(Json& json, const amps::QualityReport& report, double radius) {
@@ -244,16 +273,19 @@ inline void add_fit(Json& json, amps::Fit fit, const amps::FitReport& report) {
 }
 
 /// `asked`: what the distance was to be at most; 0: nothing.
-inline void print_error(const Table& table, double asked, const amps::RemeshReport& report) {
-  if (asked > 0) table.row("distance, proved", format("%.6g", asked) + " asked", format("%.6g", report.hausdorff_bound));
+inline void print_error(const Table& table, const amps::RemeshOptions& options, const amps::RemeshReport& report) {
+  const double asked = options.max_error;
+  if (asked > 0 || options.least_error) {
+    table.row("distance, proved", asked > 0 ? format("%.6g", asked) + " asked" : "", format("%.6g", report.hausdorff_bound));
+  }
 }
 
-inline void add_error(Json& json, double asked, const amps::RemeshReport& report) {
-  if (!(asked > 0)) return;
-  json.open("error")
-      .add("asked", asked)
-      .add("holds", report.hausdorff_bound <= asked)
-      .add("hausdorff", report.hausdorff_bound)
+inline void add_error(Json& json, const amps::RemeshOptions& options, const amps::RemeshReport& report) {
+  const double asked = options.max_error;
+  if (!(asked > 0 || options.least_error)) return;
+  json.open("error");
+  if (asked > 0) json.add("asked", asked).add("holds", report.hausdorff_bound <= asked);
+  json.add("hausdorff", report.hausdorff_bound)
       .add("hausdorff_lower", report.hausdorff_lower)
       .add("rounds", report.further_runs)
       .add("seconds", report.seconds_error)

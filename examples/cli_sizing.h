@@ -19,7 +19,7 @@ inline unsigned threads_of(const Arguments& arguments) {
 
 /// What --sizing and its companions ask for, before there is a mesh.
 struct SizingRequest {
-  std::string kind;  ///< uniform, lfs, curvature, or a file
+  std::string kind;  ///< uniform, lfs, curvature, a file, or of remesh error: radii are its matter
   double least = 0, greatest = 0, gradation = 0;
   double error = 0;               ///< in the units of the mesh, or …
   bool error_in_percent = false;  ///< … in percent of its diagonal
@@ -48,6 +48,13 @@ inline SizingRequest sizing_request(const Arguments& arguments, bool certified =
   request.count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
   request.gradation = arguments.has("--gradation") ? arguments.positive("--gradation") : amps::kDefaultGradation;
   const bool bounded = request.least > 0 || request.greatest > 0;
+  if (certified && request.kind == "error") {
+    if (request.count == 0) throw arguments.error("--sizing error spends a number of vertices: say --vertices N");
+    for (const char* name : {"--radius", "--rmin", "--rmax", "--gradation"}) {
+      if (arguments.has(name)) throw arguments.error(std::string(name) + ": --sizing error has its own radii");
+    }
+    return request;
+  }
   if (request.kind == "uniform") {
     for (const char* name : {"--rmin", "--rmax", "--error", "--gradation"}) {
       if (certified && name == std::string("--error")) continue;
@@ -61,11 +68,12 @@ inline SizingRequest sizing_request(const Arguments& arguments, bool certified =
     }
     return request;
   }
-  const std::vector<std::string> known{"uniform", "lfs", "curvature"};
+  std::vector<std::string> known{"uniform", "lfs", "curvature"};
+  if (certified) known.push_back("error");
   std::error_code ignored;
   if (request.kind != "lfs" && request.kind != "curvature" && !fs::exists(sizing_file(request.kind).first, ignored)) {
-    throw arguments.error("--sizing " + request.kind + " is neither uniform, lfs, curvature nor a file that exists" +
-                          did_you_mean(request.kind, known));
+    throw arguments.error("--sizing " + request.kind + " is neither uniform, lfs, curvature" + (certified ? ", error" : "") +
+                          " nor a file that exists" + did_you_mean(request.kind, known));
   }
   if (arguments.has("--radius")) {
     throw arguments.error("--radius is for uniform sets, --sizing " + request.kind + " has its own radii");
@@ -86,6 +94,13 @@ inline SizingRequest sizing_request(const Arguments& arguments, bool certified =
   return request;
 }
 
+/// The file of --sizing, if it is one.
+inline void name_sizing_file(Files& files, const SizingRequest& request) {
+  if (request.kind != "uniform" && request.kind != "lfs" && request.kind != "curvature" && request.kind != "error") {
+    files.reads("--sizing", sizing_file(request.kind).first, Holds::kOther);
+  }
+}
+
 inline amps::SizingField file_sizing(const amps::Mesh& mesh, const std::string& name, const amps::Execution& execution) {
   const auto [file, property] = sizing_file(name);
   const std::vector<double> radii =
@@ -101,7 +116,7 @@ inline amps::SizingField make_sizing(const SizingRequest& request, const amps::M
   constexpr double kShareOfMaking = 0.8;  // of the time; the rest is scaling or limiting
   constexpr double kErrorScale = 1e-3;    // of the diagonal; any: the field is scaled
   amps::SizingField field;
-  if (request.kind == "uniform") return field;
+  if (request.kind == "uniform" || request.kind == "error") return field;
   const amps::Execution making = execution.part(0, kShareOfMaking);
   if (request.kind == "lfs") {
     field = amps::lfs_sizing(mesh, {}, making);

@@ -24,19 +24,23 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+/// The signal that did; 0: none.
 inline volatile std::sig_atomic_t interrupted = 0;
 
-extern "C" inline void on_interrupt(int) {
-  interrupted = 1;
-  std::signal(SIGINT, SIG_DFL);  // a second one ends the program at once
+extern "C" inline void on_interrupt(int signal) {
+  interrupted = signal;
+  std::signal(signal, SIG_DFL);  // a second one ends the program at once
 }
 
-/// One job for all that a command does. Until finish(), SIGINT cancels what runs as a part of it, and a terminal shows a bar.
+/// One job for all that a command does. Until finish(), SIGINT, SIGTERM and SIGHUP cancel what runs as a part of it, and a
+/// terminal shows a bar.
 class Watch {
  public:
   Watch(bool quiet, unsigned threads) : bar_(!quiet && stderr_is_terminal()) {
-    previous_ = std::signal(SIGINT, on_interrupt);
-    if (previous_ == SIG_IGN) std::signal(SIGINT, SIG_IGN);  // as in the background of a script
+    for (std::size_t i = 0; i < kNumSignals; ++i) {
+      previous_[i] = std::signal(kSignals[i], on_interrupt);
+      if (previous_[i] == SIG_IGN) std::signal(kSignals[i], SIG_IGN);  // as in the background of a script
+    }
     const amps::Progress progress([this](const char* stage, double fraction) {
       if (bar_) draw(stage, fraction);
       return interrupted == 0;
@@ -55,15 +59,21 @@ class Watch {
     if (interrupted != 0 || status == amps::Outcome::kCancelled) throw Interrupted();
   }
 
-  /// The bar goes, and SIGINT does what it did before.
+  /// The bar goes, and signals do what they did before.
   void finish() {
     if (finished_) return;
     finished_ = true;
     if (drawn_) std::fprintf(stderr, "\r%*s\r", static_cast<int>(shown_), "");
-    std::signal(SIGINT, previous_);
+    for (std::size_t i = 0; i < kNumSignals; ++i) std::signal(kSignals[i], previous_[i]);
   }
 
  private:
+#ifdef SIGHUP
+  static constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
+#else
+  static constexpr int kSignals[] = {SIGINT, SIGTERM};
+#endif
+  static constexpr std::size_t kNumSignals = sizeof kSignals / sizeof kSignals[0];
   static constexpr double kSecondsBetween = 0.05;
   static constexpr std::size_t kMostColumns = 100, kLeastBar = 8;
 
@@ -97,7 +107,7 @@ class Watch {
   bool bar_;
   bool drawn_ = false;
   bool finished_ = false;
-  void (*previous_)(int) = SIG_DFL;
+  void (*previous_[kNumSignals])(int) = {};
   std::size_t shown_ = 0;  ///< columns
   Stopwatch total_, last_;
   Pace pace_;

@@ -14,12 +14,14 @@ fail() {
   failures=$((failures + 1))
 }
 
-# run CODE ARGUMENTS...: amps returns CODE; prints an error only with 2 and 4, and with 4 one line.
+# run CODE ARGUMENTS...: amps returns CODE; prints an error only with 2 and 4, and with 4 one line. Notes are in log/notes.
 run() {
   wanted=$1
   shift
   code=0
-  "$amps" "$@" >log/out 2>log/err </dev/null || code=$?
+  "$amps" "$@" >log/out 2>log/all </dev/null || code=$?
+  grep '^amps: note: ' log/all >log/notes || :
+  grep -v '^amps: note: ' log/all >log/err || :
   [ "$code" -eq "$wanted" ] || fail "amps $* returned $code, not $wanted: $(head -n 3 log/err)"
   if [ "$wanted" -ne 2 ] && [ "$wanted" -ne 4 ] && [ -s log/err ]; then fail "amps $* complains: $(cat log/err)"; fi
   awk 'length > 80 { exit 1 }' log/out || fail "amps $* prints more than 80 columns: $(awk 'length > 80' log/out)"
@@ -46,7 +48,7 @@ number() {
 echo "-- help"
 run 0 --help
 run 0 --version
-for command in sample remesh curves gaps info make render; do
+for command in sample remesh curves gaps fill quality spectrum info make render; do
   run 0 "$command" --help
   grep -q "^usage: amps $command " log/out || fail "help of $command has no synopsis"
   # shellcheck disable=SC2013  # options are words
@@ -89,6 +91,15 @@ printf 'OFF\n6 2 0\n0 0 0\n4 0 0\n0 4 0\n1 1 -1\n1 1 1\n5 5 0\n3 0 1 2\n3 3 4 5\
 run 0 info crossing.off --json info.json
 { [ "$(number self_intersections info.json)" = 1 ] && grep -q '^self-intersections *1 pair' log/out; } || fail "self-intersections: $(cat log/out)"
 
+awk '/^v / && !done { $2 = 1e12; done = 1 } { print }' sphere.obj >wild.obj
+run 0 info wild.obj --json info.json
+grep -q '^far from all others *vertex 0 (0-based) at (1e+12, ' log/out || fail "a wild vertex: $(cat log/out)"
+grep -q '^can be remeshed *no' log/out || fail "a mesh with a wild vertex can be remeshed"
+[ "$(number wild_vertex info.json)" = 0 ] || fail "a wild vertex is not in the JSON"
+bad "wild.obj: mesh: vertex 0 (0-based) at (1e+12, .*) is so far" remesh wild.obj no.obj --vertices 100
+bad "wild.obj: mesh: vertex 0 (0-based) at (1e+12, .*) is so far" sample wild.obj no.csv --radius 0.1
+bad "wild.obj: mesh: vertex 0 (0-based) at (1e+12, .*) is so far" fill wild.obj none no.csv --radius 0.1
+
 echo "-- distance to a reference"
 for z in 0 0.5; do
   printf 'OFF\n4 2 0\n0 0 %s\n3 0 %s\n3 4 %s\n0 4 %s\n3 0 1 2\n3 0 2 3\n' $z $z $z $z >flat_$z.off
@@ -115,6 +126,7 @@ grep -q '^maximal *yes' log/out || fail "gaps does not say that the set is maxim
 awk 'NR % 10 != 0' set.xyzr >holes.xyzr
 run 3 gaps torus.obj holes.xyzr primitives.obj --json gaps.json
 grep -q '^maximal *no' log/out || fail "gaps does not say that the set is not maximal"
+grep -q '^ *which is at *-*[0-9]' log/out || fail "gaps does not say where coverage is worst"
 [ "$(number gaps gaps.json)" -gt 0 ] || fail "no gaps counted"
 awk -v area="$(number gap_area gaps.json)" 'BEGIN { exit !(area > 0) }' || fail "no area of gaps"
 run 0 info primitives.obj
@@ -122,6 +134,108 @@ for extension in ply csv; do
   run 0 sample torus.obj set.$extension --radius 0.1 --seed 3
   run 0 gaps torus.obj set.$extension
 done
+
+echo "-- sets that come from elsewhere, filled"
+run 0 fill torus.obj holes.xyzr filled.xyzr --added added.xyzr --json fill.json --threads 1
+before=$(wc -l <holes.xyzr)
+head -n "$before" filled.xyzr | cmp - holes.xyzr || fail "samples that were there have changed"
+tail -n +"$((before + 1))" filled.xyzr | cmp - added.xyzr || fail "--added are not the new ones"
+[ "$(number added fill.json)" -eq "$(wc -l <added.xyzr)" ] || fail "added: $(number added fill.json)"
+run 0 gaps torus.obj filled.xyzr
+run 0 fill torus.obj holes.xyzr filled_2.xyzr --threads 2 --quiet
+cmp filled.xyzr filled_2.xyzr || fail "filling depends on the threads"
+run 0 fill torus.obj filled.xyzr again.xyzr --added nothing_added.xyzr
+cmp filled.xyzr again.xyzr || fail "filling a maximal set changes it"
+[ ! -e nothing_added.xyzr ] || fail "a file of no samples"
+! grep -q '^off the surface\|^too close' log/out || fail "trouble with a good set: $(cat log/out)"
+for extension in ply csv; do  # with facets, and a set of remesh, which knows what of the surface its samples are on
+  run 0 fill torus.obj set.$extension facets.$extension
+  cmp set.$extension facets.$extension || fail "a maximal $extension set changes"
+done
+run 0 make cube brick.obj --n 300
+run 0 remesh brick.obj box_out.obj --radius 0.2 --samples box_set.csv --quiet
+awk 'NR == 1 || NR % 9 != 0' box_set.csv >box_holes.csv
+run 0 fill brick.obj box_holes.csv box_filled.csv
+head -n "$(wc -l <box_holes.csv)" box_filled.csv | cmp - box_holes.csv || fail "samples of remesh have changed"
+run 0 gaps brick.obj box_filled.csv
+for nothing in none nothing_at_all.xyzr only_names.csv; do
+  : >nothing_at_all.xyzr
+  echo x,y,z,radius >only_names.csv
+  run 0 fill torus.obj $nothing from_nothing.xyzr --radius 0.1
+  run 0 gaps torus.obj from_nothing.xyzr
+  bad "say --radius" fill torus.obj $nothing no.xyzr
+done
+# One sample over the torus and one twice: told, kept, and the surface is covered all the same.
+{ cat holes.xyzr; echo "0 0 5 0.1"; head -n 1 holes.xyzr; } >odd.xyzr
+run 0 fill torus.obj odd.xyzr odd_filled.xyzr --json odd.json
+grep -q '^off the surface *1 samples' log/out || fail "a sample off the surface is hidden: $(cat log/out)"
+grep -q '^beside it *1 samples' log/out || fail "a disk beside the surface is hidden: $(cat log/out)"
+grep -q '^too close *1 pairs' log/out || fail "samples too close are hidden: $(cat log/out)"
+grep -q '^Poisson-disk *no' log/out || fail "a set with a sample twice is no Poisson-disk set: $(cat log/out)"
+head -n "$(wc -l <odd.xyzr)" odd_filled.xyzr | cmp - odd.xyzr || fail "odd samples have changed"
+run 3 gaps torus.obj odd.xyzr
+grep -q '^off the surface *1 samples' log/out || fail "gaps hides a sample off the surface: $(cat log/out)"
+grep -q '^too close *1 pairs' log/out || fail "gaps hides samples too close: $(cat log/out)"
+bad "use at most" fill torus.obj holes.xyzr no.xyzr --radius 0.2
+bad "missing.xyzr" fill torus.obj missing.xyzr no.xyzr
+bad "written already" fill torus.obj holes.xyzr no.xyzr --added no.xyzr
+
+echo "-- quality"
+run 0 remesh torus.obj q.obj --radius 0.1 --samples q.ply --json q_remesh.json --quiet
+run 0 quality q.obj --samples q.ply --json q.json --png q.png
+grep -q "^|t'_min|" log/out || fail "no |t'_min|: $(cat log/out)"
+awk 'length($0) > 80 { exit 1 }' log/out || fail "a table wider than 80 columns"
+for key in mean_min_angle min_q mean_q percent_below_30 percent_valence_5_6_7; do
+  [ "$(number $key q.json)" = "$(number $key q_remesh.json)" ] || fail "$key: $(number $key q.json), not $(number $key q_remesh.json)"
+done
+awk -v e="$(number e_max q.json)" -v t="$(number t_max q.json)" -v low="$(number t_min q.json)" \
+  'BEGIN { exit !(e > 0.9 && e <= 1 + 1e-9 && t > 0.5 && t <= 1 + 1e-9 && low >= 1 - 1e-9 && low < 1.2) }' || fail "bounds: $(cat q.json)"
+run 0 quality square.obj --json square.json --radius 1  # the grid's right triangles
+awk -v q="$(number mean_q square.json)" 'BEGIN { exit !(q > 0.7174 && q < 0.7175) }' || fail "Q of right triangles: $(number mean_q square.json)"
+grep -q '"beside_curves"' square.json || fail "triangles at the border of a square are not told apart"
+run 0 quality brick.obj --features 30
+grep -q '^beside curves' log/out || fail "creases of a box are not told apart: $(cat log/out)"
+bad "not both" quality q.obj --samples q.ply --radius 1
+bad "samples in" quality torus.obj --samples q.ply
+bad "png" quality torus.obj --png no.jpg
+
+echo "-- spectra"
+for seed in 1 2 3 4; do
+  run 0 sample square.obj square_$seed.xyzr --radius 0.04 --seed $seed --quiet
+done
+run 0 spectrum square.obj square_?.xyzr --csv power.csv --png power.png --json power.json --threads 1
+grep -q '"kind": "periodogram"' power.json || fail "no periodogram of a square"
+[ "$(number sets power.json)" -eq 4 ] || fail "not four sets"
+awk -v nyquist="$(number effective_nyquist power.json)" 'BEGIN { exit !(nyquist > 0.5 && nyquist < 0.9) }' || fail "effective Nyquist"
+awk -F, 'NR == 1 { exit $3 != "radial_mean" }' power.csv || fail "the head of the power"
+awk -F, 'NR > 3 && $1 < 7 && $3 > 0.3 { exit 1 }' power.csv || fail "power at low frequencies"
+[ "$(head -c 4 power.png | tail -c 3)" = PNG ] || fail "power.png is no PNG"
+run 0 spectrum square.obj square_?.xyzr --csv power_2.csv --png power_2.png --threads 2 --quiet
+[ ! -s log/out ] || fail "--quiet prints"
+cmp power.csv power_2.csv || fail "the power depends on the threads"
+cmp power.png power_2.png || fail "the picture of the power depends on the threads"
+run 0 spectrum square.obj square_?.xyzr --plot plot.png --quiet
+[ "$(head -c 4 plot.png | tail -c 3)" = PNG ] || fail "plot.png is no PNG"
+run 0 spectrum torus.obj set.xyzr --plot plot_2.png --quiet
+! cmp -s plot.png plot_2.png || fail "two spectra, one plot"
+run 0 spectrum square.obj square_1.xyzr --border periodic --max-frequency 20 --csv periodic.csv
+[ "$(wc -l <periodic.csv)" -eq 21 ] || fail "not 20 rings"
+run 0 spectrum torus.obj set.xyzr --csv differences.csv --png differences.png --json differences.json
+grep -q '"kind": "differences"' differences.json || fail "no differences on a torus"
+awk -v least="$(number min_distance differences.json)" 'BEGIN { exit !(least >= 1 - 1e-9 && least < 1.2) }' || fail "least distance"
+awk -F, 'NR > 1 && $1 < 0.97 && $2 != 0 { exit 1 }' differences.csv || fail "differences below r"
+run 0 spectrum square.obj square_1.xyzr --differences --range 3 --json differences.json
+awk -v range="$(number range differences.json)" 'BEGIN { exit range != 3 }' || fail "--range 3"
+bad "too few" spectrum square.obj
+bad "periodograms" spectrum torus.obj set.xyzr --border window
+bad "periodograms" spectrum square.obj square_1.xyzr --differences --max-frequency 20
+bad "say --differences" spectrum square.obj square_1.xyzr --range 3
+bad "window or periodic" spectrum square.obj square_1.xyzr --border round
+bad "missing.xyzr" spectrum square.obj square_1.xyzr missing.xyzr
+bad "png" spectrum square.obj square_1.xyzr --png no.jpg
+bad "png" spectrum square.obj square_1.xyzr --plot no.jpg
+bad "written already" spectrum square.obj square_1.xyzr --png no.png --plot no.png
+bad "nowhere" spectrum square.obj square_1.xyzr --csv nowhere/no.csv
 
 echo "-- remeshing"
 run 0 remesh knot.obj out.obj --vertices 1500 --samples out.xyzr --json out.json
@@ -196,6 +310,7 @@ run 0 remesh plate.obj thin.obj --vertices 2000 --samples thin.xyzr --json thin.
 grep -A 12 '"output"' thin.json | grep -q '"euler_characteristic": 2' || fail "the sides of a plate are joined"
 run 0 gaps plate.obj thin.xyzr --neighborhood surface
 run 0 remesh plate.obj joined.obj --vertices 2000 --neighborhood space --json joined.json --optimize none
+grep -q "^amps: note: --neighborhood space keeps no curves" log/notes || fail "no note about curves"
 grep -A 12 '"output"' joined.json | grep -q '"euler_characteristic": 2' && fail "balls do not join the sides of a plate"
 run 0 sample plate.obj thin.csv --radius 0.05 --neighborhood surface
 run 0 gaps plate.obj thin.csv --neighborhood surface
@@ -239,6 +354,29 @@ head -n 10 edges.ply | grep -q '^property int patch$' || fail "no patches in PLY
 run 0 info edges.ply
 run 0 remesh torus.obj smooth.obj --vertices 500
 grep -q '^g ' smooth.obj && fail "patches of a torus"
+
+echo "-- what the table tells"
+awk '{ print } /^f / && n++ < 5 { print "f", $3, $4, $2 }' torus.obj >twice.obj
+run 0 remesh twice.obj once.obj --vertices 500 --json once.json
+grep -q '^triangles left out *5 ' log/out || fail "facets that are there twice: $(cat log/out)"
+[ "$(number left_out_of_input once.json)" = 5 ] || fail "facets that are there twice are not in the JSON"
+! grep -q 'changed$\|not kept' log/out || fail "a torus is changed: $(cat log/out)"
+run 0 make square equal.obj --n 200
+run 0 remesh equal.obj equal_out.obj --vertices 200
+grep -q '^angles .*(input: 45.00 to 90.00)   worse$' log/out || fail "worse angles are not marked: $(grep ^angles log/out)"
+grep -q '^mean smallest angle .*(input: 45.00)$' log/out || fail "better angles are marked: $(grep ^mean log/out)"
+run 0 remesh torus.obj fused.obj --radius 0.7 --neighborhood space --optimize none
+grep -q '^Euler characteristic *0 .*changed$' log/out || fail "another topology is not marked: $(grep ^Euler log/out)"
+grep -q '^non-manifold edges *0 *[1-9][0-9]*   worse$' log/out || fail "non-manifold edges are not marked"
+# A pyramid too small for the radius.
+{
+  printf 'v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.48 0.48 0\nv 0.52 0.48 0\nv 0.52 0.52 0\nv 0.48 0.52 0\nv 0.5 0.5 0.04\n'
+  printf 'f 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\nf 5 6 9\nf 6 7 9\nf 7 8 9\nf 8 5 9\n'
+} >pyramid.obj
+run 0 remesh pyramid.obj pyramid_out.obj --radius 0.2 --optimize none
+grep -q '^creases not kept *8 edges *too small for r$' log/out || fail "creases that are dropped: $(cat log/out)"
+run 0 remesh pyramid.obj pyramid_out.obj --radius 0.01 --optimize none
+! grep -q '^creases not kept' log/out || fail "creases are dropped: $(cat log/out)"
 
 echo "-- curves found"
 run 0 curves box.obj box_lines.obj --json curves.json
@@ -289,6 +427,11 @@ bad "far.obj: line 11: from vertex 1 (.*) to vertex 9 (.*) there is no edge of f
 { cat flat.obj; echo 'v 5 5 5'; } >lonely.obj
 { echo 'v 5 5 5'; echo 'p 1'; } >point.obj
 bad "point.obj: line 2: vertex 1 (5, 5, 5) is on no facet of lonely.obj" curves lonely.obj --keep point.obj
+for mark in "l 1 99" "l 1 0" "l 2 -10" "p 99" "l 5 5" "l 1 2 2"; do
+  { cat flat.obj; echo "$mark"; } >wrong.obj
+  bad "wrong.obj: line $(wc -l <wrong.obj): .*\(out of range\|to itself\)" curves wrong.obj --keep wrong.obj
+  bad "wrong.obj: line $(wc -l <wrong.obj): .*\(out of range\|to itself\)" remesh flat.obj no.obj --radius 0.3 --keep wrong.obj
+done
 bad "nothing.*no line\|no line" curves box.obj --keep box.obj
 bad "OBJ files only" curves box.obj --keep edges.ply
 bad "missing.obj" curves box.obj --keep missing.obj
@@ -301,7 +444,7 @@ grep -q '^amps: nothing of the shape is left' log/err || fail "an empty result: 
 grep -q '"status": "shape changed"' lost.json || fail "the status of an empty result: $(grep status lost.json)"
 { [ -s lost.obj ] && [ -s lost.xyzr ]; } || fail "results of a shape that is lost are not written"
 run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --quiet
-[ ! -s log/out ] || fail "--quiet prints"
+{ [ ! -s log/out ] && [ ! -s log/notes ]; } || fail "--quiet prints"
 
 echo "-- a page"
 run 0 remesh box.obj "a & b.obj" --vertices 500 --report page.html
@@ -375,6 +518,53 @@ for azimuth in 0 180; do
   cmp -s without.png with.png || code=1
   [ $code = $((azimuth / 180)) ] || fail "a line behind a square, seen from azimuth $azimuth"
 done
+for look in valence angles radius; do
+  run 0 render torus.obj look_$look.png --size 120 --look $look --legend
+  ! cmp -s look_$look.png torus.png || fail "--look $look is not seen"
+done
+for look in cells gaps disks radius; do
+  run 0 render torus.obj set_$look.png --size 120 --look $look --samples set.xyzr --view iso --legend --threads 1
+  run 0 render torus.obj set_2.png --size 120 --look $look --samples set.xyzr --view iso --legend --threads 2
+  cmp set_$look.png set_2.png || fail "--look $look depends on the threads"
+done
+# Of a maximal set nothing is red; of one with holes something is, and so are added samples.
+run 0 render torus.obj full.png --size 120 --look gaps --samples set.xyzr --no-dots
+run 0 render torus.obj holes.png --size 120 --look gaps --samples holes.xyzr --no-dots
+run 0 render torus.obj added.png --size 120 --look gaps --samples set.xyzr --no-dots --added holes.xyzr
+if command -v python3 >log/which 2>&1; then
+  python3 - <<'PYTHON' || fail "gaps are red, and nothing else is"
+import zlib
+def red(name):
+    data = open(name, "rb").read()
+    at = data.index(b"IDAT")
+    raw = zlib.decompress(data[at + 4:at + 4 + int.from_bytes(data[at - 4:at], "big")])
+    size = int.from_bytes(data[16:20], "big")
+    above, count = bytearray(3 * size), 0
+    for y in range(size):
+        kind, row = raw[y * (3 * size + 1)], bytearray(raw[y * (3 * size + 1) + 1:(y + 1) * (3 * size + 1)])
+        for i in range(3 * size):
+            a, b, c = (row[i - 3] if i > 2 else 0), above[i], (above[i - 3] if i > 2 else 0)
+            pa, pb, pc = abs(b - c), abs(a - c), abs(a + b - 2 * c)
+            row[i] = (row[i] + (0, a, b, (a + b) // 2, a if pa <= pb and pa <= pc else b if pb <= pc else c)[kind]) & 255
+        count += sum(row[i] > 2 * row[i + 1] and row[i] > 60 for i in range(0, 3 * size, 3))
+        above = row
+    return count
+assert red("full.png") == 0, red("full.png")
+assert red("holes.png") > 20, red("holes.png")
+assert red("added.png") > 20, red("added.png")
+PYTHON
+fi
+for view in front back left right top bottom; do
+  run 0 render box.obj view_$view.png --size 60 --view $view --no-edges
+done
+run 0 render box.obj angles.png --size 60 --azimuth 180 --elevation 0 --no-edges
+cmp view_back.png angles.png || fail "--view back is not that of its angles"
+run 0 render torus.obj near.png --size 120 --zoom 3
+bad "valence" render torus.obj no.png --look valnce
+bad "samples" render torus.obj no.png --look gaps
+bad "front" render torus.obj no.png --view below
+bad "legend" render torus.obj no.png --legend
+bad "missing.xyzr" render torus.obj no.png --look gaps --samples missing.xyzr
 bad "say --curves" render box.obj no.png --features 30
 bad "say --curves" render box.obj no.png --radius 0.1
 if command -v python3 >log/which 2>&1; then
@@ -447,6 +637,201 @@ bad "nowhere" remesh torus.obj no.obj --radius 0.1 --json nowhere/no.json
 bad "directory" remesh torus.obj empty --radius 0.1
 bad "directory" render torus.obj nowhere/no.png
 
+bad "may not be\|not a directory\|directory" remesh torus.obj torus.obj/no.obj --radius 0.1
+ln -s nothing.off dangling.off
+bad "link to nothing" make cube dangling.off
+rm dangling.off
+echo "as it was" >locked.json
+chmod 444 locked.json
+bad "read-only" info torus.obj --json locked.json
+chmod 644 locked.json
+
+echo "-- outputs that would take each other's place, or that of an input"
+# same_name ARGUMENTS...: refused, and no file is changed.
+same_name() {
+  sum=$(cat ./*.* | cksum)
+  bad "$@"
+  [ "$sum" = "$(cat ./*.* | cksum)" ] || fail "amps $* changed a file"
+}
+run 0 make torus in.ply --n 500
+cp in.ply old.ply
+ln -s old.ply link.ply
+ln old.ply hard.ply
+run 0 sample in.ply in.xyzr --radius 0.3
+mkdir sub
+for other in new.ply ./new.ply sub/../new.ply "$dir/new.ply" sub/../sub/.././new.ply; do
+  same_name "OUT\|written already (OUT)" remesh in.ply new.ply --radius 0.3 --samples "$other"
+done
+for other in link.ply hard.ply ./sub/../old.ply; do
+  same_name "written already (OUT)" remesh in.ply old.ply --radius 0.3 --samples "$other"
+  same_name "written already (OUT)" remesh in.ply "$other" --radius 0.3 --samples old.ply
+done
+same_name "written already (--samples)" remesh in.ply new.ply --radius 0.3 --samples new.csv --convergence new.csv
+same_name "written already (--samples)" remesh in.ply new.ply --radius 0.3 --samples new.csv --json new.csv
+same_name "written already (--convergence)" remesh in.ply new.ply --radius 0.3 --convergence new.csv --json new.csv
+same_name "written already" sample in.ply new.csv --radius 0.3 --json new.csv
+same_name "written already" curves in.ply new.obj --json new.obj
+same_name "written already" gaps in.ply in.xyzr new.obj --json new.obj
+same_name "written already (OUT)" fill in.ply in.xyzr new.csv --added sub/../new.csv
+same_name "written already (OUT)" fill in.ply in.xyzr new.csv --json new.csv
+same_name "written already (--added)" fill in.ply in.xyzr new.xyzr --added new.csv --json new.csv
+same_name "written already (--png)" quality in.ply --png new.png --json ./new.png
+same_name "written already (--csv)" spectrum in.ply in.xyzr --csv new.png --png new.png
+same_name "written already (--csv)" spectrum in.ply in.xyzr --csv new.csv --json new.csv
+same_name "written already (--png)" spectrum in.ply in.xyzr --png new.png --plot new.png
+same_name "written already (--plot)" spectrum in.ply in.xyzr --plot new.png --json new.png
+ln -s in.ply to_input.ply
+ln in.ply other_name.ply
+for same in in.ply ./in.ply to_input.ply other_name.ply; do
+  same_name "which is read (IN)" remesh in.ply $same --radius 0.3
+  same_name "which is read (IN)" remesh in.ply new.ply --radius 0.3 --samples $same
+  same_name "which is read (IN)" remesh in.ply new.ply --radius 0.3 --json $same
+  same_name "which is read (IN)" remesh in.ply new.ply --radius 0.3 --convergence $same
+  same_name "which is read (IN)" sample in.ply $same --radius 0.3
+  same_name "which is read (IN)" sample in.ply new.csv --radius 0.3 --json $same
+  same_name "which is read (IN)" gaps in.ply in.xyzr $same
+  same_name "which is read (IN)" info in.ply --json $same
+  same_name "which is read (IN)" fill in.ply none $same --radius 0.3
+  same_name "which is read (IN)" fill in.ply in.xyzr new.csv --added $same
+  same_name "which is read (IN)" fill in.ply in.xyzr new.csv --json $same
+  same_name "which is read (IN)" quality in.ply --json $same
+  same_name "which is read (IN)" spectrum in.ply in.xyzr --csv $same
+  same_name "which is read (IN)" spectrum in.ply in.xyzr --json $same
+done
+same_name "which is read (SAMPLES)" gaps in.ply in.xyzr --json in.xyzr
+same_name "which is read (IN)" curves torus.obj torus.obj
+same_name "which is read (--keep)" curves torus.obj box_lines.obj --keep box_lines.obj
+same_name "which is read (--keep)" remesh torus.obj box_lines.obj --radius 0.3 --keep box_lines.obj
+same_name "which is read (--sizing)" remesh torus.obj new.obj --sizing radii.txt --json radii.txt
+same_name "which is read (--sizing)" remesh torus.obj radii.ply --sizing radii.ply:quality
+same_name "which is read (--reference)" info in.ply --reference old.ply --json old.ply
+ln -s in.ply in.png  # pictures, which are named so
+ln -s in.xyzr set.png
+same_name "which is read (IN)" quality in.ply --png in.png
+same_name "which is read (IN)" spectrum in.ply in.xyzr --png in.png
+same_name "which is read (IN)" spectrum in.ply in.xyzr --plot in.png
+same_name "which is read (IN)" render in.ply in.png
+same_name "which is read (--samples)" render in.ply set.png --samples in.xyzr
+same_name "which is read (--added)" render in.ply set.png --added in.xyzr
+same_name "which is read (SAMPLES)" fill in.ply in.xyzr in.xyzr
+same_name "which is read (SAMPLES)" fill in.ply in.xyzr new.csv --added ./in.xyzr
+same_name "which is read (--samples)" quality in.ply --samples in.xyzr --json in.xyzr
+same_name "which is read (--samples)" quality in.ply --samples in.xyzr --png set.png
+same_name "which is read (SAMPLES)" spectrum in.ply set.ply in.xyzr --csv in.xyzr
+same_name "which is read (SAMPLES)" spectrum in.ply in.xyzr set.ply --plot set.png
+cp holes.xyzr in.xyzr
+run 0 fill torus.obj in.xyzr in.xyzr --overwrite-input
+cmp in.xyzr filled.xyzr || fail "filled in place, another set than beside it"
+run 0 remesh in.ply in.ply --radius 0.3 --overwrite-input
+run 0 remesh old.ply new.ply --radius 0.3
+cmp in.ply new.ply || fail "over the input, another result than beside it"
+[ "$(ls -i in.ply | cut -d ' ' -f 1)" = "$(ls -i other_name.ply | cut -d ' ' -f 1)" ] || fail "a hard link is lost"
+run 0 info in.ply --json /dev/null
+run 0 remesh in.ply new.ply --radius 0.3 --json /dev/null --convergence /dev/null
+[ -c /dev/null ] || fail "a device is replaced"
+rm -f ./link.ply hard.ply old.ply to_input.ply other_name.ply set.png new.* in.*
+
+echo "-- what killed runs left"
+printf 'half of a mesh' >.amps-0.tmp
+printf 'half of a mesh' >.amps-4.tmp
+run 0 make cube sub/../cube.obj --n 100
+if [ "$(uname)" = Linux ] && { [ -e .amps-0.tmp ] || [ -e .amps-4.tmp ]; }; then fail "left-overs stay"; fi
+# A file that grows too large.
+(
+  ulimit -f 8
+  code=0
+  "$amps" make sphere full.obj --n 20000 >log/out 2>log/err || code=$?
+  [ $code -eq 2 ] && grep -q "full.obj: cannot be written" log/err && [ ! -e full.obj ]
+) || fail "a file too large: $(cat log/err)"
+[ -z "$(find . -name '.amps-*')" ] || fail "a temporary is left"
+
+echo "-- the standard input and output"
+# piped FILE ARGUMENTS...: amps reads FILE from its standard input, says nothing on stderr and writes log/piped.
+piped() {
+  from=$1
+  shift
+  "$amps" "$@" --quiet <"$from" >log/piped 2>log/err || fail "amps $* <$from: $? $(cat log/err)"
+  [ ! -s log/err ] || fail "amps $* complains: $(cat log/err)"
+}
+for extension in obj off ply stl; do
+  run 0 make torus io.$extension --n 500
+  run 0 remesh io.$extension io_out.$extension --radius 0.2 --samples io.ply --overwrite-input
+  run 0 make torus io.$extension --n 500
+  piped io.$extension remesh - - --radius 0.2 --format $extension
+  cmp log/piped io_out.$extension || fail "$extension: not the same through pipes"
+  piped io.$extension remesh - - --radius 0.2 --format=$extension,stl
+  run 0 remesh io.$extension io_out.stl --radius 0.2
+  cmp log/piped io_out.stl || fail "$extension to stl: not the same through pipes"
+  piped io.$extension make torus - --n 500 --format $extension
+  cmp log/piped io.$extension || fail "make to the standard output"
+done
+for extension in xyzr ply csv; do
+  run 0 sample torus.obj io_set.$extension --radius 0.2
+  piped torus.obj sample - - --radius 0.2 --format obj,$extension
+  cmp log/piped io_set.$extension || fail "$extension: not the same samples through a pipe"
+  piped io_set.$extension gaps torus.obj - --format $extension
+done
+head -n 40 io_set.csv >io_holes.csv
+run 3 gaps torus.obj io_holes.csv io_gaps.off
+"$amps" gaps torus.obj - - --format csv,off <io_holes.csv >log/piped 2>log/err || [ $? -eq 3 ] || fail "gaps through a pipe"
+cmp log/piped io_gaps.off || fail "gaps: not the same through pipes"
+grep -q '^maximal *no' log/err || fail "the table is not on stderr: $(cat log/err)"
+piped marked.obj curves - - --borders free --keep - --format obj
+run 0 curves marked.obj io_lines.obj --borders free --keep marked.obj
+cmp log/piped io_lines.obj || fail "curves: not the same through pipes"
+piped torus.obj info - --format obj --json -
+grep -q '"usable": true' log/piped || fail "JSON on the standard output"
+run 0 info torus.obj --json io.json
+grep -v seconds io.json | cmp - log/piped || fail "another JSON"
+piped torus.obj info torus.obj --reference - --format obj --json -
+piped edges.obj render - - --size 200 --curves --format obj
+cmp log/piped lines.png || fail "not the same picture through pipes"
+piped torus.obj remesh torus.obj io.obj --radius 0.2 --samples - --format csv
+run 0 remesh torus.obj io.obj --radius 0.2 --samples io.csv
+cmp log/piped io.csv || fail "--samples -"
+piped holes.xyzr fill torus.obj - - --format xyzr
+cmp log/piped filled.xyzr || fail "fill: not the same through pipes"
+piped torus.obj fill - holes.xyzr io.xyzr --added - --format obj,xyzr
+cmp log/piped added.xyzr || fail "--added -"
+cmp io.xyzr filled.xyzr || fail "fill: not the same with a mesh through a pipe"
+run 0 fill torus.obj none io.csv --radius 0.1
+piped /dev/null fill torus.obj - - --radius 0.1 --format csv
+cmp log/piped io.csv || fail "fill: nothing through a pipe"
+piped q.obj quality - --samples q.ply --format obj --png -
+cmp log/piped q.png || fail "quality: not the same picture through pipes"
+piped q.ply quality q.obj --samples - --format ply --json -
+cmp log/piped q.json || fail "quality: not the same JSON through pipes"
+run 0 spectrum square.obj square_1.xyzr --csv io.csv --plot io.png
+piped square_1.xyzr spectrum square.obj - --format xyzr --csv -
+cmp log/piped io.csv || fail "spectrum: not the same through pipes"
+piped square.obj spectrum - square_1.xyzr --format obj --plot -
+cmp log/piped io.png || fail "spectrum: not the same picture through pipes"
+piped set.xyzr render torus.obj - --size 120 --look gaps --no-dots --samples - --format xyzr
+cmp log/piped full.png || fail "render: not the same samples through a pipe"
+piped holes.xyzr render torus.obj - --size 120 --look gaps --no-dots --samples set.xyzr --added - --format xyzr
+cmp log/piped added.png || fail "render: not the same added samples through a pipe"
+"$amps" spectrum torus.obj - --csv - --format xyzr <set.xyzr >log/piped 2>log/err || fail "spectrum with a table"
+cmp log/piped differences.csv || fail "a table among the curves"
+grep -q '^least distance' log/err || fail "the table is not on stderr: $(cat log/err)"
+bad "say --radius" fill torus.obj - no.xyzr --format xyzr
+bad "say their --format" fill torus.obj - no.xyzr
+bad "say their --format" spectrum square.obj -
+bad "samples are in" render torus.obj no.png --samples - --format obj
+bad "second output" fill torus.obj holes.xyzr - --json - --format xyzr
+bad "second output" spectrum square.obj square_1.xyzr --png - --plot -
+bad "name them -" render torus.obj - --format obj
+bad "name them -" quality q.obj --png - --format obj
+bad "say its --format" info -
+bad "say their --format" sample torus.obj - --radius 0.1
+bad "a mesh is in" info - --format csv
+bad "samples are in" sample torus.obj - --radius 0.1 --format obj
+bad "name them -" info torus.obj --format obj
+bad "second output" remesh torus.obj - --radius 0.1 --format obj --json -
+bad "no lines" curves torus.obj - --format ply
+bad "standard input: it is empty\|standard input: no line" info - --format obj
+"$amps" make torus - --n 500 --format obj >/dev/full 2>log/err && fail "a full device"
+grep -q "standard output: cannot be written" log/err || fail "a full device: $(cat log/err)"
+
 echo "-- inputs that are none"
 printf 'OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n' >range.off
 printf 'OFF\n3 1 0\n0 0 0\n1 0 0\n' >short.off
@@ -471,26 +856,41 @@ for file in negative.xyzr word.xyzr nothing.xyzr; do
   bad "$file" gaps torus.obj $file no.obj
 done
 bad "radius" remesh torus.obj no.obj --radius 1e-9
+bad "ask for fewer --vertices" sample torus.obj no.csv --sizing lfs --vertices 1000000000
+bad "use a larger --rmin" sample torus.obj no.csv --sizing lfs --rmin 1e-5 --rmax 1e-5
+bad "use a larger --error" sample torus.obj no.csv --error 1e-12
 
 echo "-- interruption"
-# interrupted ARGUMENTS...: amps, which would take far longer, stops after a second, says so in one line and changes no file.
+# interrupted SIGNAL CODE ARGUMENTS...: amps, which would take far longer, stops after a second, says so in one line and changes
+# no file.
 interrupted() {
+  signal=$1
+  wanted=$2
+  shift 2
   before=$(ls -R .; cat stopped.*)
   code=0
   # In the foreground: else the program's group gets the signal too, and a second one ends it at once.
-  timeout --foreground --preserve-status -k 20 -s INT 1 "$amps" "$@" >log/out 2>log/err || code=$?
-  [ "$code" -eq 130 ] || fail "amps $* interrupted: returned $code"
+  timeout --foreground --preserve-status -k 20 -s "$signal" 1 "$amps" "$@" >log/out 2>log/err || code=$?
+  [ "$code" -eq "$wanted" ] || fail "amps $* interrupted: returned $code"
   [ "$(cat log/err)" = "amps: interrupted, nothing is written" ] || fail "amps $* interrupted: $(cat log/err)"
   [ ! -s log/out ] || fail "amps $* interrupted: printed $(cat log/out)"
   [ "$before" = "$(ls -R .; cat stopped.*)" ] || fail "amps $* interrupted: changed a file"
 }
 if command -v timeout >log/which 2>&1; then
   run 0 make knot big.obj --n 300000
+  run 0 sample big.obj big.xyzr --radius 0.05
   echo "as it was" >stopped.obj  # one that is there, others that are not
-  interrupted remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
-  interrupted sample big.obj new.xyzr --sizing lfs --rmin 0.0005 --json new.json
-  interrupted info big.obj --reference torus.obj --json new.json
-  interrupted render torus.obj new.png --size 8192
+  echo "as it was" | tee stopped.xyzr >stopped.png
+  interrupted INT 130 remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
+  interrupted INT 130 sample big.obj new.xyzr --sizing lfs --rmin 0.0005 --json new.json
+  interrupted INT 130 fill big.obj none stopped.xyzr --radius 0.0025 --added new.csv --json new.json
+  interrupted INT 130 info big.obj --reference torus.obj --json new.json
+  interrupted TERM 143 remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
+  interrupted TERM 143 fill big.obj none new.xyzr --radius 0.0025 --added new.csv --json new.json
+  interrupted INT 130 render torus.obj stopped.png --size 8192
+  interrupted INT 130 render big.obj new.png --size 8192 --look cells --samples big.xyzr --legend
+  interrupted INT 130 spectrum square.obj square_?.xyzr --max-frequency 8192 --csv new.csv --png stopped.png --plot new.png --json new.json
+  interrupted INT 130 spectrum big.obj big.xyzr --range 40 --csv new.csv --plot new.png
 fi
 
 [ "$failures" -eq 0 ] || { echo "$failures failed"; exit 1; }

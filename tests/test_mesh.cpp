@@ -297,6 +297,51 @@ TEST_CASE("mesh: edges are counted as by a set") {
   }
 }
 
+TEST_CASE("mesh: a vertex out of proportion is found, and nothing else") {
+  for (const Mesh& mesh : {amps::make_sphere(300), amps::make_cube(1), amps::make_torus(3, 1, 20, 10)}) {
+    CHECK(amps::find_wild_vertex(mesh) == amps::kNone);
+    const auto n = static_cast<Index>(mesh.vertices.rows());
+    for (const Index v : {0, n / 2, n - 1}) {
+      for (const double far : {1e7, 1e12, -1e160}) {
+        Mesh wild = mesh;
+        wild.vertices(v, v % 3) += far;
+        CHECK(amps::find_wild_vertex(wild) == v);
+        CHECK(amps::check(wild).wild_vertex == v);
+        for (std::ptrdiff_t i = 0; i < 3 * n; ++i) wild.vertices(i / 3, static_cast<int>(i % 3)) *= 1e-60;
+        CHECK(amps::find_wild_vertex(wild) == v);
+      }
+      Mesh far = mesh;
+      far.vertices(v, 0) += 1e5;
+      CHECK(amps::find_wild_vertex(far) == amps::kNone);
+    }
+  }
+  Mesh two = amps::make_sphere(2000);  // the farther one, and what is isolated or broken does not count
+  two.vertices.row(5) = Vec3(1e9, 0, 0).transpose();
+  two.vertices.row(700) = Vec3(0, -2e9, 0).transpose();
+  CHECK(amps::find_wild_vertex(two) == 700);
+  two.triangles(3, 1) = -1;
+  two.vertices(9, 2) = kInfinity;
+  CHECK(amps::find_wild_vertex(two) == 700);
+  Mesh isolated = amps::make_cube(2);
+  isolated.vertices.resize(isolated.vertices.rows() + 1);
+  for (std::ptrdiff_t v = 0; v < isolated.vertices.rows(); ++v)
+    isolated.vertices.row(v) = Vec3(0.1 * static_cast<double>(v), 1, 0).transpose();
+  isolated.vertices.row(isolated.vertices.rows() - 1) = Vec3(1e12, 0, 0).transpose();
+  CHECK(amps::find_wild_vertex(isolated) == amps::kNone);
+  // Needles have two ends, a small and a large part are two parts.
+  Mesh needles;
+  needles.vertices.resize(120);
+  needles.triangles.resize(40);
+  for (Index f = 0; f < 40; ++f) {
+    const double at = 1e-12 * f;
+    needles.vertices.row(3 * f) = Vec3(at, 0, 0).transpose();
+    needles.vertices.row(3 * f + 1) = Vec3(at, 1e-12, 0).transpose();
+    needles.vertices.row(3 * f + 2) = Vec3(0, 1, at).transpose();
+    for (int k = 0; k < 3; ++k) needles.triangles(f, k) = 3 * f + k;
+  }
+  CHECK(amps::find_wild_vertex(needles) == amps::kNone);
+}
+
 TEST_CASE("mesh: functions take a caller's buffers as they are") {
   const double xyz[9] = {0, 0, 0, 2, 0, 0, 0, 1, 0};
   const Index corners[3] = {0, 1, 2};

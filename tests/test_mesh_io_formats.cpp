@@ -124,6 +124,27 @@ TEST_CASE("mesh_io: OFF that cannot be is refused with the place") {
   check_refused("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n", MeshFormat::kOff, "line 6: vertex index -1");
   check_refused("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\n", MeshFormat::kOff, "line 6: expected 3 vertex indices, found 2");
   check_refused("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n", MeshFormat::kOff, "ends after 0");
+  // Binary faces with colours, without, and with no number of their parts.
+  for (const int kind : {0, 1, 2}) {
+    for (const bool big_endian : {true, false}) {
+      std::string faces = "OFF BINARY\n";
+      for (const std::int32_t count : {4, 2, 0}) put(faces, count, big_endian);
+      for (const float x : {0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 1.f, 1.f, 0.f, 0.f, 1.f, 0.f}) put(faces, x, big_endian);
+      for (const std::int32_t third : {1, 2}) {
+        for (const std::int32_t index : {3, 0, third, third + 1}) put(faces, index, big_endian);
+        if (kind == 1) put(faces, std::int32_t{0}, big_endian);
+        if (kind == 2) {
+          for (const std::int32_t part : {3, 0, 1, 2}) put(faces, part, big_endian);
+        }
+      }
+      for (const char* behind : {"", "more"}) {  // with something behind, faces have colours
+        if (kind == 0 && *behind != '\0') continue;
+        const Mesh mesh = amps::parse_mesh(faces + behind, MeshFormat::kOff);
+        REQUIRE(rows(mesh.triangles) == 2);
+        CHECK((mesh.triangles(1, 0) == 0 && mesh.triangles(1, 1) == 2 && mesh.triangles(1, 2) == 3));
+      }
+    }
+  }
   std::string huge = "OFF BINARY\n";
   for (const std::int32_t count : {2000000000, 1, 0}) put(huge, count, true);
   check_refused(huge, MeshFormat::kOff, "promises");

@@ -5,6 +5,7 @@
 
 #include <doctest/doctest.h>
 
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,10 @@ TEST_CASE("mesh_io: samples written are read back bit for bit") {
         amps::write_samples(path, samples);
         const SampleSet expected = std::string(extension) == ".xyzr" ? some_samples(false) : samples;
         CHECK(same_set_on_curves(amps::read_samples(path), expected));
+        std::stringstream stream;
+        amps::write_samples(stream, samples, amps::sample_format(path));
+        CHECK(stream.str() == content_of(path));
+        CHECK(same_set_on_curves(amps::read_samples(stream, amps::sample_format(path)), expected));
       }
     }
   }

@@ -8,7 +8,10 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <array>
+#include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -53,12 +56,96 @@ std::vector<Lattice> random_polygon(Rng& rng, std::size_t corners, Index size) {
   return p;
 }
 
+/// Do two edges cross in a point inside both?
+bool crosses_itself(const std::vector<Lattice>& p) {
+  const std::size_t n = p.size();
+  const auto sign = [](std::int64_t x) { return x > 0 ? 1 : x < 0 ? -1 : 0; };
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      const Lattice a = p[i], b = p[(i + 1) % n], c = p[j], d = p[(j + 1) % n];
+      if (sign(twice_area(a, b, c)) * sign(twice_area(a, b, d)) < 0 &&
+          sign(twice_area(c, d, a)) * sign(twice_area(c, d, b)) < 0)
+        return true;
+    }
+  }
+  return false;
+}
+
+/// In the plane z = 0; false if it is said to cross itself.
+bool cut_flat(const std::vector<Lattice>& p, std::vector<Index>& triangles) {
+  std::vector<double> coordinates;
+  std::vector<Index> corners;
+  for (const Lattice& x : p) {
+    coordinates.insert(coordinates.end(), {static_cast<double>(x[0]), static_cast<double>(x[1]), 0});
+    corners.push_back(static_cast<Index>(corners.size()));
+  }
+  const amps::Execution execution;
+  return amps::detail::PolygonCutter(coordinates.data(), execution).cut(corners.data(), p.size(), triangles);
+}
+
+/// Triangles that turn as the polygon does, and whose edges cancel but for those of the polygon, tile it: each point is in as
+/// many of them as the polygon goes around it.
+void require_tiling(const std::vector<Lattice>& p, const std::vector<Index>& triangles) {
+  const std::size_t n = p.size();
+  REQUIRE(triangles.size() == 3 * (n - 2));
+  std::map<std::pair<Index, Index>, int> edges;
+  for (std::size_t t = 0; t < triangles.size(); t += 3) {
+    const auto at = [&](std::size_t k) { return p[static_cast<std::size_t>(triangles[t + k % 3])]; };
+    REQUIRE(twice_area(at(0), at(1), at(2)) > 0);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Index a = triangles[t + k], b = triangles[t + (k + 1) % 3];
+      a < b ? ++edges[{a, b}] : --edges[{b, a}];
+    }
+  }
+  for (std::size_t k = 0; k < n; ++k) {
+    const auto a = static_cast<Index>(k), b = static_cast<Index>((k + 1) % n);
+    a < b ? --edges[{a, b}] : ++edges[{b, a}];
+  }
+  for (const auto& edge : edges) REQUIRE(edge.second == 0);
+}
+
+/// Ears cut in turn, each corner tried against all others; empty if there is none left to cut.
+std::vector<Index> plain_ears(const std::vector<Lattice>& p, int sense) {
+  std::vector<Index> ring, triangles;
+  for (std::size_t k = 0; k < p.size(); ++k) ring.push_back(static_cast<Index>(k));
+  const auto at = [&](Index k) { return p[static_cast<std::size_t>(k)]; };
+  const auto outside = [&](Index a, Index b, Index x) { return sense * twice_area(at(a), at(b), at(x)) < 0; };
+  std::size_t i = 0, since = 0;
+  while (ring.size() > 2) {
+    const std::size_t n = ring.size();
+    const Index a = ring[(i + n - 1) % n], b = ring[i % n], c = ring[(i + 1) % n];
+    const bool spike = at(a) == at(c);
+    bool ear = sense * twice_area(at(a), at(b), at(c)) > 0;
+    for (std::size_t j = 0; j < n && ear && !spike; ++j) {
+      const Index x = ring[j];
+      if (at(x) == at(a) || at(x) == at(b) || at(x) == at(c)) continue;
+      ear = outside(a, b, x) || outside(b, c, x) || outside(c, a, x);
+    }
+    Index go_on = c;
+    if (spike) {
+      ring.erase(std::find(ring.begin(), ring.end(), b));
+      ring.erase(std::find(ring.begin(), ring.end(), c));
+      go_on = a;
+      since = 0;
+    } else if (ear) {
+      triangles.insert(triangles.end(), {a, b, c});
+      go_on = ring[(i + 2) % n];
+      ring.erase(std::find(ring.begin(), ring.end(), b));
+      since = 0;
+    } else if (++since > n) {
+      return {};
+    }
+    i = static_cast<std::size_t>(std::find(ring.begin(), ring.end(), go_on) - ring.begin());
+  }
+  return triangles;
+}
+
+Lattice rounded(double x, double y) { return {std::llround(x), std::llround(y)}; }
+
 double area_of(const std::string& obj) { return amps::total_area(amps::parse_mesh(obj, MeshFormat::kObj)); }
 
 }  // namespace
 
-// Triangles that turn as the polygon does, and whose edges cancel but for those of the polygon, tile it: each point is in as
-// many of them as the polygon goes around it.
 TEST_CASE("polygons: triangles of simple polygons tile them") {
   Rng rng(3);
   int concave = 0, with_runs = 0;
@@ -93,24 +180,85 @@ TEST_CASE("polygons: triangles of simple polygons tile them") {
     const amps::Execution execution;
     amps::detail::PolygonCutter cutter(coordinates.data(), execution);
     REQUIRE(cutter.cut(corners.data(), n, triangles));
-    REQUIRE(triangles.size() == 3 * (n - 2));
-    std::map<std::pair<Index, Index>, int> edges;
-    for (std::size_t t = 0; t < triangles.size(); t += 3) {
-      const auto at = [&](std::size_t k) { return p[static_cast<std::size_t>(triangles[t + k % 3])]; };
-      REQUIRE(twice_area(at(0), at(1), at(2)) > 0);
-      for (std::size_t k = 0; k < 3; ++k) {
-        const Index a = triangles[t + k], b = triangles[t + (k + 1) % 3];
-        a < b ? ++edges[{a, b}] : --edges[{b, a}];
-      }
-    }
-    for (std::size_t k = 0; k < n; ++k) {
-      const auto a = static_cast<Index>(k), b = static_cast<Index>((k + 1) % n);
-      a < b ? --edges[{a, b}] : ++edges[{b, a}];
-    }
-    for (const auto& edge : edges) REQUIRE(edge.second == 0);
+    require_tiling(p, triangles);
   }
   CHECK(concave > 5000);
   CHECK(with_runs > 500);
+}
+
+TEST_CASE("polygons: a hundred thousand corners, in a time that is about in proportion") {
+  constexpr int kCorners = 100000;
+  constexpr double kFullTurn = 6.283185307179586;
+  std::vector<Lattice> star, spiral, comb;
+  Rng rng(8);
+  for (int k = 0; k < kCorners; ++k) {
+    const double angle = kFullTurn * k / kCorners, r = (k % 2 == 0 ? 1e8 : 6e7) + 1e7 * rng.uniform();
+    star.push_back(rounded(r * std::cos(angle), r * std::sin(angle)));
+  }
+  constexpr int kHalf = kCorners / 2;
+  for (int k = 0; k < kCorners; ++k) {  // twenty times around, out and back again
+    const double angle = 20 * kFullTurn * (k < kHalf ? k : kCorners - 1 - k) / kHalf,
+                 r = 1e6 * (1 + angle + (k < kHalf ? 0 : 2));
+    spiral.push_back(rounded(r * std::cos(angle), r * std::sin(angle)));
+  }
+  std::reverse(spiral.begin(), spiral.end());
+  for (int k = 0; k < kCorners / 4; ++k) {  // of slanted teeth, a hundred thousand long
+    for (const auto& [u, v] : {std::array<int, 2>{4 * k, 0}, {4 * k, kCorners}, {4 * k + 2, kCorners}, {4 * k + 2, 2}}) {
+      comb.push_back({3 * u + 4 * v, -4 * u + 3 * v});
+    }
+  }
+  comb.push_back({3 * kCorners - 4 * kCorners, -4 * kCorners - 3 * kCorners});
+  std::reverse(comb.begin(), comb.end());
+  for (std::vector<Lattice>* polygon : {&star, &spiral, &comb}) {
+    std::vector<Index> triangles;
+    const auto start = std::chrono::steady_clock::now();
+    REQUIRE(cut_flat(*polygon, triangles));
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+    CHECK(seconds.count() < 30);  // half a second; the time of corners times corners is minutes, or hours
+    require_tiling(*polygon, triangles);
+    std::swap((*polygon)[kHalf / 2], (*polygon)[kHalf / 2 + 2]);
+    triangles.clear();
+    CHECK(!cut_flat(*polygon, triangles));
+  }
+}
+
+TEST_CASE("polygons: crossings of many edges are found, and what has none loses the ears that a search of all corners finds") {
+  Rng rng(9);
+  int crossing = 0, cut = 0;
+  for (int round = 0; round < 3000; ++round) {
+    // Around the origin on a coarse lattice; every other one is a walk from neighbour to neighbour.
+    std::vector<Lattice> p;
+    const int n = 60 + below(rng, 60);
+    Lattice x{0, 0};
+    for (int k = 0; k < n; ++k) {
+      if (round % 2 == 0) {
+        const double angle = 6.283185307179586 * k / n, r = (10 + below(rng, 30)) * (0.5 + rng.uniform());
+        x = rounded(r * std::cos(angle), r * std::sin(angle));
+      } else {
+        x[rng.below(2)] += below(rng, 2) == 0 ? 1 : -1;
+      }
+      if (p.empty() || p.back() != x) p.push_back(x);
+    }
+    while (p.front() == p.back()) p.pop_back();
+    std::vector<Index> triangles;
+    const bool is_cut = cut_flat(p, triangles);
+    if (crosses_itself(p)) {
+      CHECK(!is_cut);
+      ++crossing;
+    } else {
+      std::int64_t area = 0;
+      for (std::size_t k = 0; k < p.size(); ++k) area += twice_area({0, 0}, p[k], p[(k + 1) % p.size()]);
+      bool is_fan = true;  // taken before ears where it tiles
+      for (std::size_t t = 0; t < triangles.size(); t += 3) is_fan = is_fan && triangles[t] == 0;
+      if (area == 0 || (is_cut && is_fan)) continue;
+      const std::vector<Index> expected = plain_ears(p, area > 0 ? 1 : -1);
+      CHECK(is_cut == !expected.empty());
+      if (is_cut) CHECK(triangles == expected);
+      ++cut;
+    }
+  }
+  CHECK(crossing > 1000);
+  CHECK(cut > 300);
 }
 
 TEST_CASE("polygons: shapes of known area") {
@@ -164,6 +312,8 @@ TEST_CASE("mesh_io: triangle strips, broken comments, and files in wraps") {
   for (const float x : {0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 0.f, 1.f, 0.f, 1.f, 1.f, 0.f}) put(little, x, false);
   for (const std::int32_t index : {4, 0, 1, 3, 2, 0}) put(little, index, false);
   check_is_square(little, MeshFormat::kOff);
+  check_is_square(little.substr(0, little.size() - 4), MeshFormat::kOff);  // without the number of parts of a colour
+  check_refused(little.substr(0, little.size() - 8), MeshFormat::kOff, "byte");
   for (const MeshFormat format : kFormats) {
     check_refused("\x1F\x8B\x08 and more", format, "gzip");
     check_refused("\xFF\xFEv", format, "UTF-16");

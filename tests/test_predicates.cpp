@@ -301,7 +301,7 @@ TEST_CASE("predicates: every stage decides some calls, and the stages agree") {
     const StaticBounds bounds = StaticBounds::for_set(high - low, weight_high - weight_low, scale.unit());
     for (const auto& p : calls) {
       Stage stage;
-      const int exact_orientation = amps::detail::orient3d_exact(p[0], p[1], p[2], p[3], stage);
+      const int exact_orientation = amps::orient3d_exact(p[0], p[1], p[2], p[3], stage);
       REQUIRE(amps::orient3d(p[0], p[1], p[2], p[3], bounds, orientation) == exact_orientation);
       REQUIRE(amps::orient3d(p[0], p[1], p[2], p[3]) == exact_orientation);
       if (exact_orientation <= 0) continue;
@@ -309,7 +309,7 @@ TEST_CASE("predicates: every stage decides some calls, and the stages agree") {
       std::array<int, 4> minor_signs{}, minor_signs_in_limbs{};
       const int exact_power = amps::detail::power_test_in_limbs(cell, p[4], stage, minor_signs_in_limbs);
       const amps::detail::PowerRows rows(cell, p[4]);
-      REQUIRE(amps::detail::power_test_exact(rows, cell, p[4], stage, minor_signs) == exact_power);
+      REQUIRE(amps::power_test_exact(rows, cell, p[4], stage, minor_signs) == exact_power);
       if (exact_power == 0) REQUIRE(minor_signs == minor_signs_in_limbs);
       REQUIRE(amps::power_test<false>(p[0], p[1], p[2], p[3], p[4]) == exact_power);
       const int perturbed = amps::power_test(p[0], p[1], p[2], p[3], p[4], bounds, power);

@@ -236,6 +236,64 @@ TEST_CASE("quality: agrees with a direct evaluation on random soups") {
   }
 }
 
+TEST_CASE("quality: angles are counted in bins of five degrees, each corner once") {
+  const QualityReport grid = quality(right_triangle_grid(6));
+  CHECK(grid.angles[9] + grid.angles[8] == 100);  // 45, up to rounding
+  CHECK(grid.angles[18] + grid.angles[17] == 50);
+  CHECK(grid.min_area == Approx(0.5));
+  CHECK(grid.max_area == Approx(0.5));
+  // 3, 4, 5: 36.87, 53.13, 90 degrees; two of the corners are well inside their bins.
+  const QualityReport egypt = quality(one_triangle({0, 0, 0}, {4, 0, 0}, {0, 3, 0}));
+  CHECK(egypt.angles[7] == 1);
+  CHECK(egypt.angles[10] == 1);
+  const QualityReport flat = quality(one_triangle({0, 0, 0}, {1, 0, 0}, {2, 0, 0}));
+  CHECK(flat.angles[0] == 2);
+  CHECK(flat.angles[35] == 1);
+}
+
+TEST_CASE("quality: ratios to the bounds of maximal sets are 1 where these are met") {
+  const auto ratios_of = [](const Mesh& mesh, std::vector<double> radii) { return amps::bound_ratios(mesh, radii); };
+  // Equilateral, of edges r: the shortest edges, half the longest, the least area.
+  const double height = std::sqrt(3) / 2;
+  const Mesh small = one_triangle({0, 0, 0}, {1, 0, 0}, {0.5, height, 0});
+  amps::BoundRatios ratios = ratios_of(small, {1, 1, 1});
+  CHECK(ratios.min_edge == Approx(1));
+  CHECK(ratios.max_edge == Approx(0.5));
+  CHECK(ratios.min_area == Approx(1));
+  CHECK(ratios.max_area == Approx(1.0 / 3));
+  CHECK(ratios.gradation == 0);
+  // The same in a circle of radius r: edges √3 r, the greatest area.
+  ratios = ratios_of(small, {1 / std::sqrt(3), 1 / std::sqrt(3), 1 / std::sqrt(3)});
+  CHECK(ratios.max_edge == Approx(std::sqrt(3) / 2));
+  CHECK(ratios.min_area == Approx(3));
+  CHECK(ratios.max_area == Approx(1));
+  // Edges r, r and √3 r, an angle of 120 degrees: the least area again. Edges r, √3 r and 2r: the longest.
+  ratios = ratios_of(one_triangle({0, 0, 0}, {1, 0, 0}, {-0.5, height, 0}), {1, 1, 1});
+  CHECK(ratios.min_area == Approx(1));
+  CHECK(ratios.max_edge == Approx(std::sqrt(3) / 2));
+  ratios = ratios_of(one_triangle({0, 0, 0}, {1, 0, 0}, {0, std::sqrt(3), 0}), {1, 1, 1});
+  CHECK(ratios.max_edge == Approx(1));
+  // A grid of right triangles with r its side: edges 1 and √2, areas ½.
+  const Mesh grid = right_triangle_grid(6);
+  ratios = ratios_of(grid, std::vector<double>(36, 1.0));
+  CHECK(ratios.max_edge == Approx(std::sqrt(2) / 2));
+  CHECK(ratios.min_area == Approx(2 / std::sqrt(3)));
+  CHECK(ratios.max_area == Approx(2 / (3 * std::sqrt(3))));
+  // Radii that grow by a tenth along x.
+  std::vector<double> growing;
+  for (int v = 0; v < 36; ++v) growing.push_back(0.3 + 0.1 * (v % 6));
+  ratios = ratios_of(grid, growing);
+  CHECK(ratios.gradation == Approx(0.1));
+  CHECK(ratios.mean_gradation == Approx((30 * 0.1 + 25 * 0.1 / std::sqrt(2)) / 85));
+  CHECK(ratios.max_edge == Approx(std::sqrt(2) / 0.7));
+  CHECK(ratios.min_edge == Approx(1 / 0.8));
+
+  CHECK(ratios_of(mesh_of({{0, 0, 0}}, {{0, 0, 0}}), {1}).max_edge == 0);
+  CHECK_THROWS_AS(ratios_of(grid, {1, 1}), amps::Error);
+  CHECK_THROWS_AS(ratios_of(small, {1, 0, 1}), amps::Error);
+  CHECK_THROWS_AS(ratios_of(small, {1, 1, std::nan("")}), amps::Error);
+}
+
 TEST_CASE("quality: printing tells the numbers and leaves the stream's format alone") {
   std::ostringstream out;
   out << std::hex << std::setprecision(3);

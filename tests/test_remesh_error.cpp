@@ -96,6 +96,34 @@ TEST_CASE("remesh error: what cannot be held ends, and the status says so") {
   CHECK(std::string(amps::name_of(result.status)) == "error missed");
 }
 
+TEST_CASE("remesh error: what is good is kept, so that small errors are reached") {
+  const Mesh mesh = amps::make_torus(1, 0.4, 24, 12);  // facets larger than the disks: the distance is at their edges
+  const double error = 0.002 * diagonal(mesh);
+  const amps::RemeshResult result = within(mesh, error);
+  CHECK(result.status == amps::Outcome::kDone);
+  CHECK(result.report.hausdorff_bound <= error);
+  CHECK(result.report.further_runs > 1);
+  CHECK(result.report.certificate.holds());
+  CHECK(result.report.maximality.maximal());
+}
+
+TEST_CASE("remesh error: a count is spent where it lowers the distance") {
+  const Mesh mesh = amps::make_ellipsoid(5120, Vec3(4, 1, 1));
+  amps::RemeshOptions options;
+  options.sampling.target_count = 1500;
+  const amps::RemeshResult uniform = amps::remesh(mesh, options);
+  const double before = amps::surface_distance(mesh, uniform.mesh).hausdorff_lower();
+  options.least_error = true;
+  const amps::RemeshResult less = amps::remesh(mesh, options);
+  CHECK(less.status == amps::Outcome::kDone);
+  CHECK(std::abs(less.samples.size() - 1500) <= 30);
+  CHECK(less.report.hausdorff_bound < 0.8 * before);
+  CHECK(less.report.hausdorff_bound >= amps::surface_distance(mesh, less.mesh).hausdorff_lower());
+  options.sampling.target_count = 0;
+  options.sampling.radius = 0.1;
+  CHECK_THROWS_AS(amps::remesh(mesh, options), amps::Error);
+}
+
 TEST_CASE("remesh error: options out of range are refused") {
   const Mesh mesh = amps::make_cube();
   for (const double bad : {-1.0, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {

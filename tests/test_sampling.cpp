@@ -56,6 +56,7 @@ TEST_CASE("sampling: verify_maximal measures coverage and separation as they are
   const double root2 = std::sqrt(2.0);
   MaximalityReport one = amps::verify_maximal(mesh, one_sample({0.5, 0.5, 0}, 0.5));
   CHECK(one.worst_coverage == doctest::Approx(root2).epsilon(1e-14));
+  CHECK((one.worst_point - Vec3(0.5, 0.5, 0)).cwiseAbs() == Vec3(0.5, 0.5, 0));  // a corner of the square
   CHECK(one.worst_separation == kInfinity);
   CHECK(one.gap_area == doctest::Approx(1 - kPi / 4).epsilon(1e-12));
   CHECK(one.poisson_disk());
