@@ -205,7 +205,7 @@ int run_remesh(const Arguments& arguments) {
   const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, kRead));
   keep_marks(arguments, files, mesh, watch.part(kRead, kMarked), options.curves);
   if (options.sampling.neighborhood == amps::Neighborhood::kSpace && !arguments.quiet()) {
-    std::fprintf(stderr, "amps: note: --neighborhood space keeps no curves: no creases, borders or corners\n");
+    watch.say("amps: note: --neighborhood space keeps no curves: no creases, borders or corners");
   }
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" || sizing.kind == "error" ? kMarked : kSized;
@@ -859,7 +859,7 @@ const std::vector<Command>& commands() {
        run_quality},
       {"spectrum",
        "IN SAMPLES...",
-       "say how random, even and isotropic sets of samples are",
+       "say how random, even and isotropic sample sets are",
        "SAMPLES are sample sets (.xyzr .ply .csv) on the mesh IN, best ten or more of the same kind by different seeds: all\n"
        "numbers are means over them. Where IN is a rectangle along the axes, at one z, what is measured is the power by\n"
        "frequency in the square in its middle (white noise: 1): radial mean and anisotropy, effective Nyquist frequency and\n"
@@ -938,15 +938,17 @@ void print_help() {
 
 void print_help(const Command& command) {
   constexpr std::size_t kHelpColumn = 21;
-  std::string details = command.details;  // its lines are those of the source
-  std::replace(details.begin(), details.end(), '\n', ' ');
+  const auto wrapped_anew = [](std::string text, std::size_t column, std::size_t indent) {  // its lines are those of the source
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    return wrapped(text, column, indent);
+  };
   std::printf("usage: amps %s %s [options]\n\n%s: %s.\n%s\n\n", command.name, command.operands, command.name, command.summary,
-              wrapped(details, 0, 0).c_str());
+              wrapped_anew(command.details, 0, 0).c_str());
   for (const std::vector<Option>& group : {command.options, common_options()}) {
     for (const Option& option : group) {
       const std::string name = option.value == nullptr ? option.name : std::string(option.name) + " " + option.value;
       std::printf("  %-18s %s\n", name.c_str(),
-                  wrapped(option.help, std::max(kHelpColumn, name.size() + 3), kHelpColumn).c_str());
+                  wrapped_anew(option.help, std::max(kHelpColumn, name.size() + 3), kHelpColumn).c_str());
     }
   }
 }

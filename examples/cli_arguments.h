@@ -42,7 +42,7 @@ inline const std::vector<Option>& common_options() {
       {"--overwrite-input", nullptr, "an output may take the place of a file that is read"},
       {"--format", "FORMAT",
        "of what is named -, the standard input or output: obj, off, ply, stl; samples: xyzr, ply, csv;\n"
-       "                     IN,OUT if both are. If an output is -, the table is on stderr"},
+       "IN,OUT if both are. If an output is -, the table is on stderr"},
       {"--quiet", nullptr, "print nothing but errors"},
       {"--help", nullptr, "print this and exit"},
   };

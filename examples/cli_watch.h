@@ -59,11 +59,17 @@ class Watch {
     if (interrupted != 0 || status == amps::Outcome::kCancelled) throw Interrupted();
   }
 
+  /// A line on stderr, clear of the bar.
+  void say(const std::string& line) {
+    clear();
+    std::fprintf(stderr, "%s\n", line.c_str());
+  }
+
   /// The bar goes, and signals do what they did before.
   void finish() {
     if (finished_) return;
     finished_ = true;
-    if (drawn_) std::fprintf(stderr, "\r%*s\r", static_cast<int>(shown_), "");
+    clear();
     for (std::size_t i = 0; i < kNumSignals; ++i) std::signal(kSignals[i], previous_[i]);
   }
 
@@ -76,6 +82,12 @@ class Watch {
   static constexpr std::size_t kNumSignals = sizeof kSignals / sizeof kSignals[0];
   static constexpr double kSecondsBetween = 0.05;
   static constexpr std::size_t kMostColumns = 100, kLeastBar = 8;
+
+  void clear() {
+    if (drawn_) std::fprintf(stderr, "\r%*s\r", static_cast<int>(shown_), "");
+    drawn_ = false;
+    shown_ = 0;
+  }
 
   /// Stage, bar, percent, rate and time left, in one line of the terminal.
   void draw(const char* stage, double fraction) {
