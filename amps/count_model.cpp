@@ -41,14 +41,59 @@ double gradient_integral(const MeshView& mesh, const SizingField& field, const E
   return sum;
 }
 
-/// ∫ds/r along the boundary of the surface (r = 1 without a field), by Simpson's rule on each edge.
-double boundary_integral(const MeshView& mesh, const SizingField& field, const Execution& execution) {
+/// Of a maximal set in an interval that is long against r: samples per r.
+constexpr double kSamplesPerLength = 0.748;
+
+/// Of expected_fragments(): 2.7·√(F·S) for F equilateral facets of area A, S = κFA/r², is so much times their perimeters over
+/// r.
+constexpr double kCrossingsPerPerimeter = 0.5;
+
+/// Lengths of components and what there is of boundary; over r, which is 1 without a field.
+struct MeasuredLengths {
+  double boundary = 0;    ///< ∫ds/r along the boundary of the surface, by Simpson's rule on each edge
+  double longest = 0;     ///< the longest extent of a component along an axis, over the greatest radius
+  double components = 0;  ///< the sum of these extents
+};
+
+/// `merged`: facets that count.
+void measure_components(const MeshView& merged, const std::vector<char>& counted, MeasuredLengths& lengths,
+                        const Execution& execution) {
+  Ticker ticker(execution, 2 * counted.size(), kElementsPerLook);
+  const auto n = slot(merged.num_vertices());
+  UnionFind sets(n);
+  for (Index f = 0; f < static_cast<Index>(counted.size()); ++f) {
+    ticker.tick();
+    if (counted[slot(f)] == 0) continue;
+    for (int k = 1; k < 3; ++k) sets.join(slot(merged.triangles(f, 0)), slot(merged.triangles(f, k)));
+  }
+  std::vector<Box> boxes(n);
+  std::vector<char> used(n, 0);
+  for (Index f = 0; f < static_cast<Index>(counted.size()); ++f) {
+    ticker.tick();
+    if (counted[slot(f)] == 0) continue;
+    const std::size_t set = sets.find(slot(merged.triangles(f, 0)));
+    for (int k = 0; k < 3; ++k) {
+      const Vec3 x = merged.corner(f, k);
+      boxes[set].min = used[set] != 0 ? boxes[set].min.cwiseMin(x).eval() : x;
+      boxes[set].max = used[set] != 0 ? boxes[set].max.cwiseMax(x).eval() : x;
+      used[set] = 1;
+    }
+  }
+  for (std::size_t v = 0; v < n; ++v) {
+    if (used[v] == 0) continue;
+    const double extent = (boxes[v].max - boxes[v].min).maxCoeff();
+    lengths.longest = std::max(lengths.longest, extent);
+    lengths.components += extent;
+  }
+}
+
+MeasuredLengths measure_lengths(const MeshView& mesh, const SizingField& field, const Execution& execution) {
   const Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.3));  // soups have no boundary but the surface's
   std::vector<char> counted(slot(mesh.num_facets()), 1);  // a sheet that is there twice has the boundary of one
   for (const Index f : find_repeated_facets(mesh, execution.part(0.3, 0.4))) counted[slot(f)] = 0;
-  const MeshEdges edges(merged.triangles, static_cast<Index>(merged.vertices.rows()), counted, execution.part(0.4, 0.9));
-  Ticker ticker(execution.part(0.9, 1), edges.size(), kElementsPerLook);
-  double sum = 0;
+  const MeshEdges edges(merged.triangles, static_cast<Index>(merged.vertices.rows()), counted, execution.part(0.4, 0.8));
+  Ticker ticker(execution.part(0.8, 0.9), edges.size(), kElementsPerLook);
+  MeasuredLengths lengths;
   for (std::size_t e = 0; e < edges.size(); ++e) {
     ticker.tick();
     if (!edges[e].boundary()) continue;
@@ -60,28 +105,73 @@ double boundary_integral(const MeshView& mesh, const SizingField& field, const E
       b[next] = t;
       return field.empty() ? 1.0 : 1 / field.radius(side.facet, b);
     };
-    const double length = norm(mesh.corner(side.facet, side.k) - mesh.corner(side.facet, next));
-    sum += length / 6 * (inverse_radius(0) + 4 * inverse_radius(0.5) + inverse_radius(1));
+    const double length = detail::norm(mesh.corner(side.facet, side.k) - mesh.corner(side.facet, next));
+    lengths.boundary += length / 6 * (inverse_radius(0) + 4 * inverse_radius(0.5) + inverse_radius(1));
   }
-  return sum;
+  measure_components(merged, counted, lengths, execution.part(0.9, 1));
+  if (!field.empty()) {
+    lengths.longest /= field.max_radius();
+    lengths.components /= field.max_radius();
+  }
+  return lengths;
 }
 
 }  // namespace
 
+ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, double most_samples, const Execution& execution) {
+  double longest = 0, perimeters = 0;
+  const bool constant = radii.constant();
+  Ticker ticker(execution, slot(mesh.num_facets()), kElementsPerLook);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    ticker.tick();
+    const Vec3 a = mesh.corner(f, 0), b = mesh.corner(f, 1), c = mesh.corner(f, 2);
+    const double ab = detail::norm(b - a), bc = detail::norm(c - b), ca = detail::norm(a - c);
+    longest = std::max({longest, ab, bc, ca});
+    double per_radius = 0;
+    for (int k = 0; k < 3 && !constant; ++k) per_radius += 1 / radii.field().radius(f, Vec3::Unit(k)) / 3;
+    perimeters += constant ? ab + bc + ca : (ab + bc + ca) * per_radius;
+  }
+  if (constant) perimeters /= radii.min();
+  const double max = radii.max();
+  ForeseenSize size{kSamplesPerDensity * radii.density_integral(total_area(mesh)), longest / (2 * max),
+                    kCrossingsPerPerimeter * perimeters};
+  // The extent of a component is at most half of the perimeters of its facets.
+  if (kSamplesPerLength * perimeters / 2 < most_samples) return size;
+  MeasuredLengths lengths;
+  const std::vector<char> all(slot(mesh.num_facets()), 1);
+  measure_components(merge_equal_vertices(mesh), all, lengths, {});
+  const Box box = bounding_box(mesh);
+  double room = 1;  // no two samples in a voxel of diagonal r
+  for (int axis = 0; axis < 3; ++axis) room *= 1 + std::sqrt(3.0) * (box.max[axis] - box.min[axis]) / max;
+  size.by_length = std::max(size.by_length, std::min(room, kSamplesPerLength * lengths.components / max));
+  return size;
+}
+
 CountModel::CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution)
     : target_(target), inner_(kSamplesPerDensity * (field.empty() ? total_area(mesh) : field.density_integral())) {
-  border_ = std::min(kSamplesPerBoundary * boundary_integral(mesh, field, execution.part(0, 0.5)),
-                     kMaxPartAtBoundary * std::sqrt(target_ * inner_));
+  const MeasuredLengths lengths = measure_lengths(mesh, field, execution.part(0, 0.5));
+  border_ = std::min(kSamplesPerBoundary * lengths.boundary, kMaxPartAtBoundary * std::sqrt(target_ * inner_));
   if (!field.empty()) border_ -= kLostToGradient * kSamplesPerDensity * gradient_integral(mesh, field, execution.part(0.5, 1));
+  const double least_scale = lengths.longest / (2 * target_);
+  if (scale() < least_scale) {
+    least_scale_ = least_scale;
+    needle_scale_ = kSamplesPerLength * lengths.components / target_;
+  }
 }
 
 double CountModel::scale() const {
+  if (needle_scale_ > 0) return std::max(least_scale_, needle_scale_);
   const double wanted = target_ / factor_;
   return (border_ + std::sqrt(border_ * border_ + 4 * inner_ * wanted)) / (2 * wanted);
 }
 
 void CountModel::learn(Index count) {
   const double s = scale();
+  if (needle_scale_ > 0) {  // to the power 3/4: errors fall by their root at least, whether counts fall with s or s²
+    const double root = std::sqrt(count / target_);
+    needle_scale_ = s * root * std::sqrt(root);
+    return;
+  }
   const double seen = count / (inner_ / (s * s) + border_ / s);
   const double far = 0.03 + 1 / std::sqrt(target_);
   near_runs_ = std::fabs(count - target_) > far * target_ ? 0 : near_runs_ + 1;

@@ -495,6 +495,7 @@ class CurveSampler {
   struct Corner {
     SurfacePoint at;
     double radius = 0, wanted = 0;
+    bool tip = false;
     std::vector<Index> curves;
   };
   /// A sample by its place in the states: of curve `curve` number `number`, or of corner `number`.
@@ -511,7 +512,9 @@ class CurveSampler {
   CurveTask task(Index c) const { return {mesh_, flood_.edges(), curve(c), states_[slot(c)].table, wanted_, options_.limits}; }
   CurveRadii radii_of(Index c) const;
 
+  [[noreturn]] void refuse(double samples, const std::string& why) const;
   void require_few(double radii_of_way) const;
+  void foresee();
   void count_pieces();
   void prepare_corners();
   void make_table(Index c);
@@ -572,14 +575,60 @@ CurveRadii CurveSampler::radii_of(Index c) const {
   return radii;
 }
 
+void CurveSampler::refuse(double samples, const std::string& why) const {
+  throw Error(ErrorCode::kTooLarge, "curves: they need about " + number_text(samples) + " samples, more than the " +
+                                        number_text(options_.max_samples) + " that are in proportion, " + why);
+}
+
 /// Throws if so much of curves, in radii, needs more samples than are allowed.
 void CurveSampler::require_few(double radii_of_way) const {
   const double samples = radii_of_way / kMeanChord;
   if (samples <= options_.max_samples) return;
-  throw Error(ErrorCode::kTooLarge,
-              "curves: they need more than " + number_text(options_.max_samples) +
-                  " samples, so long are they beside the wanted radius or so close to each other (thin "
-                  "plates, needles); choose a greater radius, ask for more vertices, or keep fewer curves");
+  refuse(samples,
+         "so long are they beside the wanted radius or so close to each other (thin plates, needles); choose a greater radius, "
+         "ask for more vertices, or keep fewer curves");
+}
+
+/// Throws if the radii at a few places of each curve tell that there will be far more samples than are allowed. Before any is
+/// made, since a curve beside another can have a thousand times the samples that its length asks for, and many such curves
+/// pass require_few() one by one.
+void CurveSampler::foresee() {
+  constexpr double kRadiiPerPlace = 4, kMostPlaces = 8;
+  constexpr double kFarMore = 2;  // of an estimate from so few places
+  double radii_of_way = 0, least_share = kInfinite;
+  std::pair<Index, double> closest{kNone, 0};
+  for (Index c = 0; c < static_cast<Index>(states_.size()); ++c) {
+    run_.check();
+    const double length = curve(c).length(), bound = length / states_[slot(c)].least_pieces;
+    const double places = std::min(kMostPlaces, std::max(1.0, std::ceil(length / (kRadiiPerPlace * wanted_.max()))));
+    for (double k = 0; k < places; ++k) {
+      const double s = (k + 0.5) / places * length;
+      const RadiusTable::Node node = make_node(c, s, bound);
+      double radius = node.bound;
+      for (const std::size_t e : {std::size_t{0}, std::size_t{1}}) {
+        const bool in_corner = !curve(c).closed && node.to_corner[e] < kWedgeStart * radii_of(c).ends[e];
+        if (!in_corner) radius = std::min(radius, node.of_wedge[e]);
+      }
+      radii_of_way += length / places / radius;
+      if (radius < least_share) {
+        least_share = radius;
+        closest = {c, s};
+      }
+    }
+  }
+  const double samples = radii_of_way / kMeanChord;
+  if (samples <= kFarMore * options_.max_samples) return;
+  const Vec3 at = place_on_curve(mesh_, flood_.edges(), curve(closest.first), closest.second).at.position;
+  const std::string where = "(" + number_text(at.x()) + ", " + number_text(at.y()) + ", " + number_text(at.z()) + ")";
+  const double wanted = wanted_.max();
+  if (least_share >= wanted / 16) {
+    refuse(samples, "so long are they beside the wanted radius; choose a greater radius, or ask for more vertices");
+  }
+  refuse(samples,
+         "since they come closer to each other than " + number_text(least_share / wanted * 1.01) +
+             " of the wanted radius, most so near " + where +
+             ": needles or thin plates, too narrow to keep both sides of them. Take these facets out of the mesh, or make "
+             "the parts wider: a few thousandths of the radius do");
 }
 
 /// How many pieces each curve needs, so that no two edges of curves have the same ends.
@@ -616,7 +665,8 @@ void CurveSampler::prepare_corners() {
                                                    " is marked as a corner, but no facet has it; mark vertices of facets");
     }
     corner.at = corner_point(mesh_, flood_.edges(), at.homes.front(), vertex);
-    corner.wanted = corner.radius = wanted_at(corner.at);
+    corner.tip = options_.tips != nullptr && std::binary_search(options_.tips->begin(), options_.tips->end(), vertex);
+    corner.wanted = corner.radius = corner.tip ? wanted_.at(corner.at) : wanted_at(corner.at);
     for (const Index c : corner.curves) {
       corner.radius = std::min(corner.radius, curve(c).length() / states_[slot(c)].least_pieces);
     }
@@ -808,6 +858,7 @@ CurveSample CurveSampler::sample_at(const Place& place) const {
     result.sample = {corner.at, corner.radius};
     result.corner = place.number;
     result.vertex = graph_.corners[slot(place.number)];
+    result.tip = corner.tip;
     return result;
   }
   const CurveStop& stop = states_[slot(place.curve)].samples[slot(place.number)];
@@ -957,6 +1008,7 @@ CurveSamples CurveSampler::run() {
     radii_of_way += curve(c).length() / wanted_.max();
   }
   require_few(radii_of_way);
+  foresee();
   for (; rounds_ < kMaxRounds; ++rounds_) {
     settle();
     if (!resolve_conflicts(rounds_)) break;

@@ -42,6 +42,7 @@ struct CurveSample {
   double parameter = 0;                   ///< length along the curve from its start; 0 on a corner
   std::size_t edge = MeshEdges::kNoEdge;  ///< of SurfaceEdges; kNoEdge: at a vertex
   Index vertex = kNone;                   ///< of the surface; kNone: inside an edge
+  bool tip = false;                       ///< on one of CurveSamplingOptions::tips: its radius does not fall
 };
 
 /// The facets that it lies in, ascending.
@@ -73,7 +74,10 @@ struct CurveSamplingOptions {
   std::uint64_t seed = 1;
   /// Radii wanted to stay below this field as well as the wanted one; null: no such field.
   const CapField* limits = nullptr;
-  /// More samples than about these are refused, before they take memory: some 500 bytes each on the way.
+  /// Corners whose radii they do not bound, by vertex of the surface, ascending; null: none.
+  const std::vector<Index>* tips = nullptr;
+  /// More samples than about these are refused, before they take memory: some 500 bytes each on the way. What is far more is so
+  /// before any is made, from the radii at a few places of each curve.
   double max_samples = 1e6;
   Execution execution;
 };

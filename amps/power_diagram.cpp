@@ -247,11 +247,8 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   using detail::kElementsPerLook;
   make_records(batches, execution.part(0, 0.3));
   fill_pools(batches, execution.part(0.3, 0.4));
-  for_each_piece(fragments_.size(), kElementsPerLook, execution.part(0.4, 0.6), [&](std::size_t begin, std::size_t end) {
+  for_each_piece(fragments_.size(), kElementsPerLook, execution.part(0.4, 0.9), [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) link(num_fragments_ - 1 - static_cast<Index>(k));  // so that lists run forwards
-  });
-  for_each_piece(fragments_.size(), kElementsPerLook, execution.part(0.6, 0.9), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) bound(fragments_[f]);
   });
   reach_.resize(slot(num_sites()));
   for_each_piece(reach_.size(), kElementsPerLook, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {
@@ -259,7 +256,8 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   });
 }
 
-/// The fragments' records, without links and bounds.
+/// The fragments' records, without links. Their bounds are set here, where corners are read as a stream: afterwards each would
+/// be looked for in memory, which of ten million took a minute.
 void RestrictedPowerDiagram::make_records(const std::vector<Batch>& batches, const Execution& execution) {
   std::size_t num_entries = 0;
   for (const Batch& batch : batches) num_entries += batch.entries.size();
@@ -282,6 +280,7 @@ void RestrictedPowerDiagram::make_records(const std::vector<Batch>& batches, con
   detail::Ticker filling(execution.part(0.6, 1), num_entries, detail::kElementsPerLook);
   Index first = 0;
   for (const Batch& batch : batches) {
+    const Vec3* corners = batch.corners.data();
     for (const Batch::Entry& entry : batch.entries) {
       filling.tick();
       Fragment& fragment = fragments_[slot(next[slot(entry.site)]++)];
@@ -289,7 +288,9 @@ void RestrictedPowerDiagram::make_records(const std::vector<Batch>& batches, con
       fragment.site = entry.site;
       fragment.first = first;
       fragment.size = fragment.capacity = entry.size;
+      bound(fragment, corners);
       first += entry.size;
+      corners += entry.size;
     }
   }
 }
@@ -337,9 +338,8 @@ double RestrictedPowerDiagram::reach(Index f) const {
 
 /// Sets the ball around the corners. Floats carry 2^-24 of the coordinates, or lose up to 2^-127 to underflow; more than that
 /// is added to the radius.
-void RestrictedPowerDiagram::bound(Fragment& fragment) {
+void RestrictedPowerDiagram::bound(Fragment& fragment, const Vec3* corner) {
   constexpr double kFloatSlack = 0x1p-21, kFloatUnderflow = 0x1p-124;
-  const Vec3* const corner = corners_.data() + fragment.first;
   Vec3 low = corner[0], high = corner[0];
   for (Index k = 1; k < fragment.size; ++k) {
     low = low.cwiseMin(corner[k]);
@@ -442,7 +442,7 @@ void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& cl
   fragment.size = size;
   std::copy(clipper.corners().begin(), clipper.corners().end(), corners_.begin() + fragment.first);
   std::copy(clipper.labels().begin(), clipper.labels().end(), labels_.begin() + fragment.first);
-  bound(fragment);
+  bound(fragment, corners_.data() + fragment.first);
 }
 
 void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper) {

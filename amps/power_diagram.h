@@ -33,6 +33,7 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace amps {
@@ -173,6 +174,17 @@ class RestrictedPowerDiagram {
     float radius = 0;
   };
 
+  /// Of dividing the fragments of one cell, each in its own facet.
+  struct DivideScratch {
+    struct FacetsOfSite {
+      Index site;
+      std::vector<std::pair<Index, Index>> fragments;  ///< facets, ascending, and the site's fragments in them
+    };
+    std::vector<Index> owners;
+    bool many = false;                ///< so many that those of neighbours are listed by facet
+    std::vector<FacetsOfSite> lists;  ///< of neighbours, as they were when each was first asked for
+  };
+
   /// A neighbour and a lower bound of where its bisector crosses the ray from the owner towards it, in distance from the owner.
   struct Plane {
     double offset;
@@ -212,7 +224,7 @@ class RestrictedPowerDiagram {
   void link(Index f);
   void add_fragment(Index facet, Index site, const Clipper& clipper);
   void store_polygon(Fragment& fragment, const Clipper& clipper);
-  void bound(Fragment& fragment);
+  static void bound(Fragment& fragment, const Vec3* corner);
   void free_fragment(Index f);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
   std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper);
@@ -225,10 +237,11 @@ class RestrictedPowerDiagram {
   void retake_cell(Index s);
   void add_uncovered(std::vector<Index>& candidates);
   void divide_cell(Index s, const std::vector<Index>& candidates);
-  void divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper, std::vector<Index>& owners);
+  void divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper, DivideScratch& scratch);
   void find_possible_owners(Index f, const std::vector<Index>& candidates, std::vector<Index>& possible_owners) const;
   Index owner_of_corner(Index facet, const std::vector<Index>& among) const;
   Index fragment_of(Index facet, Index site) const;
+  Index fragment_of(Index facet, Index site, DivideScratch& scratch) const;
   void finish_edit();
 
   // Local facets (power_diagram_local.cpp).

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <utility>
 #include <vector>
 
@@ -21,6 +22,8 @@ inline constexpr double kPositionRounding = 0x1p-49;
 inline constexpr double kSideRounding = 0x1p-48;
 /// Records of a site's fragments lie side by side when they have come from bulk construction.
 inline constexpr Index kFragmentsPrefetched = 8;
+/// A cell with more fragments than that is divided with lists of its neighbours' ones.
+inline constexpr std::size_t kManyFragments = 32;
 /// Relative slack of plane offsets and of the security radius they are compared with.
 inline constexpr double kOffsetSlack = 1e-9;
 

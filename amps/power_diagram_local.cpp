@@ -343,15 +343,17 @@ void RestrictedPowerDiagram::leave_local_facets(Index s) {
 
 /// Divides what s, which takes no part any more, has in local facets.
 void RestrictedPowerDiagram::give_local_facets_away(Index s) {
-  std::vector<Index> left, candidates, owners;
+  std::vector<Index> left, candidates;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
     if (local(fragments_[slot(f)].facet)) left.push_back(f);
   }
   Clipper clipper(*this);
+  DivideScratch scratch;
+  scratch.many = left.size() > detail::kManyFragments;
   for (const Index f : left) {
     find_local_candidates(f, candidates);
     if (!candidates.empty()) {
-      divide_fragment(f, candidates, clipper, owners);
+      divide_fragment(f, candidates, clipper, scratch);
       continue;
     }
     const Index facet = fragments_[slot(f)].facet;

@@ -6,6 +6,7 @@
 #include "amps/dual_star.h"
 #include "amps/error_refinement.h"
 #include "amps/mesh_edges.h"
+#include "amps/portable_math.h"
 #include "amps/power_diagram.h"
 #include "amps/topology_refinement.h"
 #include "amps/wanted_radii.h"
@@ -283,6 +284,36 @@ std::vector<std::array<Index, 2>> dropped_edges_at(const SamplingSurface& surfac
   return result;
 }
 
+/// Vertices of these facets that are tips of spikes: facets make less than a right angle around them, and are all there is. The
+/// cell around a tip is a disk only among far smaller ones. By vertex of the surface, ascending.
+std::vector<Index> tips_at(const MeshView& mesh, const SamplingSurface& surface, const std::vector<Index>& facets) {
+  constexpr double kSharp = 1.5707963267948966;
+  const SurfaceEdges& edges = surface.flood->edges();
+  std::vector<Index> vertices;
+  for (const Index f : facets) {
+    for (int k = 0; k < 3; ++k) vertices.push_back(edges.triangles()(f, k));
+  }
+  std::sort(vertices.begin(), vertices.end());
+  vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+  std::vector<Index> tips;
+  for (const Index v : vertices) {
+    bool at_curve = false;
+    double angle = 0;
+    for (const Index f : surface.flood->homes_of_vertex(v)) {
+      for (int k = 0; k < 3; ++k) {
+        const int next = (k + 1) % 3, last = (k + 2) % 3;
+        if (edges.triangles()(f, k) != v) continue;
+        at_curve =
+            at_curve || surface.curves->is_curve_edge[edges.edge(f, k)] || surface.curves->is_curve_edge[edges.edge(f, last)];
+        const Vec3 a = mesh.corner(f, next) - mesh.corner(f, k), b = mesh.corner(f, last) - mesh.corner(f, k);
+        angle += portable_arc_tangent(norm(a.cross(b)), dot(a, b));
+      }
+    }
+    if (!at_curve && angle < kSharp) tips.push_back(v);
+  }
+  return tips;
+}
+
 /// Samples on corners and curves among so many in all, roughly: chords are 1.22 radii long.
 double expected_curve_samples(const MeshView& mesh, const SamplingSurface& surface, double samples) {
   if (surface.curves == nullptr) return 0;
@@ -359,13 +390,14 @@ SamplingRun sample_preserving(const MeshView& mesh, CurveOptions& curves, Sampli
     const double next = surface.preserve ? done + kShare * (1 - done) : 1;
     sampling.execution = execution.part(done, next);
     done = next;
-    surface.may_change = surface.preserve && k < kMaxPromotions && !surface.curves->dropped.empty();
+    surface.may_change = surface.preserve && k < kMaxPromotions;
     SamplingRun run;
     if (!completes([&] { run = sample_with_diagram(mesh, sampling, surface); })) run.result.status = Outcome::kCancelled;
     if (run.result.status == Outcome::kCancelled && earlier.result.samples.size() > 0) return cancelled(earlier);
     if (run.changed_facets.empty() || run.result.status == Outcome::kCancelled) return run;
     const std::vector<std::array<Index, 2>> sharp = dropped_edges_at(surface, run.changed_facets);
-    if (sharp.empty() || !surface.may_change) {
+    std::vector<Index> tips = tips_at(mesh, surface, run.changed_facets);
+    if ((sharp.empty() && tips.empty()) || !surface.may_change) {
       if (!run.gave_up && !surface.may_change) return run;
       if (run.gave_up) surface.preserve = false;
       k = kMaxPromotions;
@@ -373,12 +405,16 @@ SamplingRun sample_preserving(const MeshView& mesh, CurveOptions& curves, Sampli
       continue;
     }
     curves.edges.insert(curves.edges.end(), sharp.begin(), sharp.end());
+    curves.vertices.insert(curves.vertices.end(), tips.begin(), tips.end());
     SamplingSurface next_surface;
     if (!completes([&] { next_surface = sampling_surface(mesh, curves, sampling, execution.part(done, done)); })) {
       return cancelled(run);
     }
     next_surface.limits = std::move(surface.limits);
     next_surface.kept = std::move(surface.kept);
+    tips.insert(tips.end(), surface.tips.begin(), surface.tips.end());
+    std::sort(tips.begin(), tips.end());
+    next_surface.tips = std::move(tips);
     next_surface.preserve = true;
     surface = std::move(next_surface);
     keep(run);

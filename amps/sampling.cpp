@@ -30,7 +30,8 @@ constexpr double kTargetTolerance = 0.01;
 constexpr int kTargetAttempts = 100;
 constexpr int kMinTargetAttempts = 8;
 constexpr double kTargetSamples = 1e5;
-/// Curves that need so many samples, and so many times the wanted number, are refused: thin plates, needles.
+/// Curves that need so many samples, and so many times the wanted number (or what radius, area and length make), are refused:
+/// thin plates, needles.
 constexpr double kCurveSamples = 1e5;
 constexpr double kCurveSamplesPerTarget = 50;
 /// How far radii may grow beyond the first estimate to make room for samples that curves and topology ask for. Growing ends
@@ -39,6 +40,10 @@ constexpr double kCurveSamplesPerTarget = 50;
 constexpr double kMaxScaleBesideFixed = 3;
 /// Offset between the seeds of those runs: 2^64 over the golden ratio.
 constexpr std::uint64_t kSeedStride = 0x9e3779b97f4a7c15u;
+
+/// Crossings of cells and facets, at most, for each of max_samples and of the mesh's facets. They take some 200 bytes each; on
+/// usual meshes there are at most 1.35, which the memory of samples and mesh includes.
+constexpr double kMostCrossings = 4;
 
 /// More samples than this would not leave the triangulation's cells their 32-bit names.
 constexpr Index kMaxSamples = 50'000'000;
@@ -87,29 +92,47 @@ void require_sampling_options(const SamplingOptions& options) {
   }
 }
 
-/// Refuses radii before any work that would end in memory exhaustion. `density` is ∫dA/r².
-void require_feasible_radii(double min, double max, double density, const Box& box, const SamplingOptions& options) {
+std::string text_of_radii(double min, double max) {
+  return min == max ? "radius " + number_text(min) : "radii from " + number_text(min) + " to " + number_text(max);
+}
+
+void require_fitting_radii(double min, double max, const Box& box) {
+  if (VoxelGrid::fits(box, min, max)) return;
+  throw Error(ErrorCode::kTooLarge, "sampling: " + text_of_radii(min, max) + ": out of proportion to the mesh's diagonal " +
+                                        number_text(box.diagonal()) + "; stay between 1e-6 and 1e6 of it, or rescale the mesh");
+}
+
+/// Refuses radii before any work that would end in memory exhaustion.
+void require_feasible_radii(const MeshView& mesh, const WantedRadii& radii, const Box& box, const SamplingOptions& options) {
+  const double min = radii.min(), max = radii.max();
   if (!(min > 0) || !std::isfinite(max)) {
     throw Error(ErrorCode::kInvalidArgument,
                 "sampling: the radius is " + number_text(min) + "; it must be positive and finite");
   }
   const bool uniform = min == max;
-  const std::string what =
-      uniform ? "radius " + number_text(min) : "radii from " + number_text(min) + " to " + number_text(max);
-  const double expected = kSamplesPerDensity * density;
-  if (!(expected < options.max_samples)) {
-    const double factor = std::sqrt(expected / options.max_samples) * 1.01;
+  const std::string what = text_of_radii(min, max);
+  const ForeseenSize size = foresee_size(mesh, radii, options.max_samples);
+  const auto use = [&](double factor) {
+    constexpr double kMargin = 1.01;
+    return std::string("; use ") + (uniform ? "a radius of at least " + number_text(min * factor * kMargin)
+                                            : "a sizing field scaled by at least " + number_text(factor * kMargin));
+  };
+  if (!(size.samples() < options.max_samples)) {
+    const double over = size.samples() / options.max_samples;
     throw Error(ErrorCode::kTooLarge, "sampling: " + what + (uniform ? " needs about " : " need about ") +
-                                          number_text(expected) + " samples, more than max_samples, " +
-                                          std::to_string(options.max_samples) + "; use " +
-                                          (uniform ? "a radius of at least " + number_text(min * factor)
-                                                   : "a sizing field scaled by at least " + number_text(factor)));
+                                          number_text(size.samples()) + " samples, more than max_samples, " +
+                                          std::to_string(options.max_samples) +
+                                          use(size.by_length > size.by_area ? over : std::sqrt(over)));
   }
-  if (!VoxelGrid::fits(box, min, max)) {
-    throw Error(ErrorCode::kTooLarge, "sampling: " + what + ": out of proportion to the mesh's diagonal " +
-                                          number_text(box.diagonal()) +
-                                          "; stay between 1e-6 and 1e6 of it, or rescale the mesh");
+  const double most = kMostCrossings * (static_cast<double>(options.max_samples) + mesh.num_facets());
+  if (!(size.crossings < most)) {
+    throw Error(ErrorCode::kTooLarge, "sampling: " + what + (uniform ? " cuts" : " cut") +
+                                          " the facets, which are long and thin beside it, into about " +
+                                          number_text(size.crossings) + " pieces, more than max_samples, " +
+                                          std::to_string(options.max_samples) + ", leaves room for" +
+                                          use(size.crossings / most) + ", or a mesh without such needles");
   }
+  require_fitting_radii(min, max, box);
 }
 
 /// Which of radius, sizing and target_count are given, and whether the field is this mesh's.
@@ -364,10 +387,16 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
     CurveSamplingOptions along;
     along.seed = round.seed;
     if (!limits.empty()) along.limits = &limits;
+    along.tips = &surface.tips;
     // What refinement asks for counts in the set as a whole.
     along.max_samples = options.max_samples;
-    if (options.target_count > 0 && limits.empty()) {
-      along.max_samples = std::min(along.max_samples, std::max(kCurveSamples, kCurveSamplesPerTarget * options.target_count));
+    if (limits.empty()) {
+      double wanted = options.target_count;
+      if (options.target_count == 0) {
+        wanted = kSamplesPerDensity * density;
+        for (const Curve& curve : surface.curves->curves) wanted += 1 + curve.length() / round.radii.max();
+      }
+      along.max_samples = std::min<double>(along.max_samples, std::max(kCurveSamples, kCurveSamplesPerTarget * wanted));
     }
     along.execution = execution.part(0, curves_end, "sampling curves");
     const bool complete = completes([&] {
@@ -552,7 +581,7 @@ class TopologyRefiner {
 SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const WantedRadii& radii,
                      const SamplingSurface& surface, std::uint64_t seed, const Execution& execution) {
   const Box box = bounding_box(mesh);
-  require_feasible_radii(radii.min(), radii.max(), radii.density_integral(total_area(mesh)), box, options);
+  require_feasible_radii(mesh, radii, box, options);
   constexpr double kRefinementShare = 0.1;
   const double refining = surface.preserve ? 1 - kRefinementShare : 1;
   const SamplingRound round{radii, surface, box, seed, surface.limits, surface.kept.empty() ? nullptr : &surface.kept};
@@ -699,8 +728,8 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
   detail::require_one_sizing(mesh, options);
   const detail::WantedRadii radii = detail::wanted_radii(options);
   const Box box = bounding_box(mesh);
+  detail::require_feasible_radii(mesh, radii, box, options);
   const double density = radii.density_integral(total_area(mesh));
-  detail::require_feasible_radii(radii.min(), radii.max(), density, box, options);
   detail::SamplingTask task(mesh, options, radii, box, nullptr, options.seed);
   if (!detail::completes([&] { detail::run_darts(task, density, execution); })) task.status = Outcome::kCancelled;
   if (task.status == Outcome::kDone) execution.finish();
@@ -732,9 +761,8 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
     box.min = box.min.cwiseMin(existing.positions.row(s).transpose());
     box.max = box.max.cwiseMax(existing.positions.row(s).transpose());
   }
-  const double density = radii.density_integral(total_area(mesh));
-  detail::require_feasible_radii(radii.min(), radii.max(), density, box, options);
-  if (!radii.uniform()) detail::require_feasible_radii(radii.min_of_set(), radii.max_of_set(), density, box, options);
+  detail::require_feasible_radii(mesh, radii, box, options);
+  if (!radii.uniform()) detail::require_fitting_radii(radii.min_of_set(), radii.max_of_set(), box);
   detail::SamplingTask task(mesh, options, radii, box, nullptr, options.seed);
   task.set.add_all(existing);
   const bool complete = detail::completes([&] {

@@ -44,8 +44,9 @@ struct SamplingOptions {
   std::uint64_t seed = 1;
   /// Dart throwing ends after this many consecutive rejections (k of the paper); what is left is the gap filler's.
   int max_rejections = 300;
-  /// A radius that would need more samples than this is refused before any work. Sampling takes about 1 KB of memory a sample:
-  /// the default stands for 20 GB. At most 5e7 (32-bit names of cells).
+  /// A radius that would need more samples than this is refused before any work; and one that would cut facets which are long
+  /// and thin beside it (needles) into more than four times this and the number of facets. Sampling takes about 1 KB of memory
+  /// a sample and 0.2 KB a piece: the default stands for 20 GB. At most 5e7 (32-bit names of cells).
   Index max_samples = 20'000'000;
   /// Threads, progress and cancelling. The result does not depend on the threads, which share what splits by facet.
   Execution execution;
@@ -83,8 +84,9 @@ struct SamplingResult {
 /// in the order of a space-filling curve (what is near in space is near in memory, for us and for whoever takes the set); those
 /// of the second follow in the order of their insertion.
 /// Throws Error: kInvalidMesh (see require_usable), kInvalidArgument (options, a sizing field of another mesh), kTooLarge
-/// (radii that would need more than max_samples, estimated before any work). Cancelled: the samples so far (Poisson-disk, not
-/// maximal), or those of an earlier run for target_count (maximal, of another number). Expected O(n log n + #F). Thread-safe.
+/// (radii that would need more than max_samples, estimated facet by facet before any work). Cancelled: the samples so far
+/// (Poisson-disk, not maximal), or those of an earlier run for target_count (maximal, of another number). Expected O(n log n +
+/// #F). Thread-safe.
 AMPS_EXPORT SamplingResult sample(const MeshView& mesh, const SamplingOptions& options);
 
 /// The first stage alone: random darts of density 1/r², accepted when they conflict with none before, until max_rejections in a
@@ -117,6 +119,7 @@ struct SamplingSurface {
   std::shared_ptr<const TopologyChecker> topology;  ///< null: nobody asks
   std::vector<RadiusCap> limits;                    ///< bounds of radii to begin with, for other reasons
   std::vector<FaceSample> kept;  ///< samples to begin with, where they are small enough; none: darts are thrown
+  std::vector<Index> tips;       ///< sharp corners whose radii stay, by vertex of the surface, ascending
   bool preserve = false;         ///< radii fall where the dual has not the topology of the surface
   bool may_change = false;  ///< where that does not help, there will be other curves: the number of samples does not matter yet
 };

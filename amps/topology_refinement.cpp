@@ -49,8 +49,11 @@ bool RefinementCaps::lower(const TopologyCertificate& certificate, const DiskSet
     bool operator<(const Lowered& b) const { return sample != b.sample ? sample < b.sample : share < b.share; }
   };
   std::vector<Lowered> lowered;
-  const auto add = [&lowered](Index sample, double share) {
-    if (sample != kNone) lowered.push_back({sample, share});
+  const auto stays = [curves](Index s) {
+    return curves != nullptr && slot(s) < curves->samples.size() && curves->samples[slot(s)].tip;
+  };
+  const auto add = [&](Index sample, double share) {
+    if (sample != kNone && !stays(sample)) lowered.push_back({sample, share});
   };
   for (const TopologyFailure& failure : certificate.failures) {
     switch (failure.kind) {
@@ -197,7 +200,7 @@ bool touches_curves(const CapField& bounds, const CurveSamples* curves) {
   if (curves == nullptr) return false;
   return std::any_of(curves->samples.begin(), curves->samples.end(), [&bounds](const CurveSample& on_curve) {
     const Sample& sample = on_curve.sample;
-    return bounds.at(sample.position(), sample.radius) < sample.radius;
+    return !on_curve.tip && bounds.at(sample.position(), sample.radius) < sample.radius;
   });
 }
 

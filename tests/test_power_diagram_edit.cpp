@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <set>
@@ -175,6 +176,26 @@ TEST_CASE("power_diagram: edits of Poisson-disk sets end in the diagram of const
       check_random_edits(model.mesh, sites, pool, 1000, 125, 0.02, 305);
     }
   }
+}
+
+TEST_CASE("power_diagram: edits of cells with hundreds of fragments, on needles") {
+  constexpr Index kSides = 150;
+  std::vector<Vec3> vertices;
+  std::vector<Corners> triangles;
+  for (Index k = 0; k < kSides; ++k) {
+    const double angle = 2 * 3.14159265358979 * k / kSides;
+    for (const double z : {0.0, 40.0}) vertices.emplace_back(std::cos(angle), std::sin(angle), z);
+    const Index a = 2 * k, b = 2 * ((k + 1) % kSides);
+    triangles.push_back({a, b, b + 1});
+    triangles.push_back({a, b + 1, a + 1});
+  }
+  const Mesh mesh = mesh_of(vertices, triangles);
+  const Sites sites = poisson_disks(mesh, 60, false);
+  const Diagram diagram(mesh, sites.positions, sites.weights);
+  REQUIRE(diagram.num_fragments() > 100 * sites.size());
+  const Sites pool = random_sites(mesh, 200, 2 * max_of(sites.weights), 315);
+  check_random_edits(mesh, sites, sites, 200, 25, 0, 316);
+  check_random_edits(mesh, sites, pool, 200, 25, 0.05, 317);
 }
 
 TEST_CASE("power_diagram: edits of few and heavy sites, where most hide") {

@@ -575,3 +575,40 @@ TEST_SUITE("slow") {
 }
 
 }  // namespace amps_test
+
+TEST_CASE("topology_refinement: the tip of a spike has a sample, among far smaller ones") {
+  // A cone of 10 degrees: a disk around a point near its tip wraps round it, however small.
+  constexpr int kSides = 64;
+  constexpr double kHalfAngle = 0.0872664625997165;
+  std::vector<double> positions = {0, 0, 1, 0, 0, 0};
+  std::vector<amps::Index> corners;
+  for (int k = 0; k < kSides; ++k) {
+    const double angle = 2 * 3.141592653589793 * k / kSides, radius = std::tan(kHalfAngle);
+    positions.insert(positions.end(), {radius * std::cos(angle), radius * std::sin(angle), 0});
+    const amps::Index a = 2 + k, b = 2 + (k + 1) % kSides;
+    corners.insert(corners.end(), {0, a, b, 1, b, a});
+  }
+  const amps::Mesh mesh{amps::Points(std::move(positions)), amps::Triangles(std::move(corners))};
+  for (const amps::Index count : {300, 2000}) {
+    amps::RemeshOptions options;
+    options.sampling.target_count = count;
+    const amps::RemeshResult result = amps::remesh(mesh, options);
+    CHECK(result.report.certificate.holds());
+    CHECK(amps::lost_shape(result.report).empty());
+    CHECK(result.report.output.euler_characteristic == 2);
+    CHECK(result.mesh.vertices.row(0)[2] == 1);  // corners come first
+  }
+}
+
+TEST_CASE("topology_refinement: floors follow radii that curves have lowered") {
+  // A rod 1000 wide disks long: its edges alone make radii far below a thousandth of the wanted one.
+  amps::Mesh mesh = amps::make_cube();
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) mesh.vertices(v, 0) *= 1000;
+  amps::RemeshOptions options;
+  options.optimize = false;
+  options.sampling.radius = 1200;
+  const amps::RemeshResult result = amps::remesh(mesh, options);
+  CHECK(result.report.certificate.holds());
+  CHECK(result.report.curves.edges_kept == result.report.curves.edges);
+  CHECK(result.status == amps::Outcome::kDone);
+}
