@@ -14,6 +14,7 @@
 #include "cli_fill.h"
 #include "cli_keep.h"
 #include "cli_output.h"
+#include "cli_page.h"
 #include "cli_quality.h"
 #include "cli_render.h"
 #include "cli_report.h"
@@ -33,6 +34,7 @@
 #include <exception>
 #include <limits>
 #include <new>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -47,7 +49,7 @@ constexpr int kExitShape = 4;
 constexpr int kExitSignal = 128;  // and its number, as a shell reports it
 
 /// Where the parts of a command end, of its time: rough, since it depends on input and options.
-constexpr double kRead = 0.03, kMarked = 0.04, kSized = 0.25, kSampled = 0.85, kWorked = 0.96;
+constexpr double kRead = 0.03, kMarked = 0.04, kSized = 0.25, kSampled = 0.85, kMeasured = 0.75, kWorked = 0.96;
 
 /// --neighborhood
 amps::Neighborhood neighborhood_of(const Arguments& arguments, amps::Neighborhood standard) {
@@ -148,6 +150,8 @@ int complain(std::string message, int code = kExitTrouble) {
   if (message.compare(0, 4, "amps") != 0) message = "amps: " + message;
   std::replace_if(
       message.begin(), message.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  const std::size_t prefix = std::min(message.find(':'), message.size());
+  message.replace(0, prefix, in_colour(kTroubleColour, message.substr(0, prefix)));
   std::fprintf(stderr, "%s\n", message.c_str());
   return code;
 }
@@ -193,6 +197,7 @@ int run_remesh(const Arguments& arguments) {
   files.writes("--samples", Holds::kSamples);
   files.writes("--convergence", Holds::kOther);
   files.writes("--json", Holds::kOther);
+  files.writes("--report", Holds::kOther);
   files.look();
 
   const Stopwatch total;
@@ -200,7 +205,7 @@ int run_remesh(const Arguments& arguments) {
   const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, kRead));
   keep_marks(arguments, files, mesh, watch.part(kRead, kMarked), options.curves);
   if (options.sampling.neighborhood == amps::Neighborhood::kSpace && !arguments.quiet()) {
-    std::fprintf(stderr, "amps: note: --neighborhood space keeps no curves: no creases, borders or corners\n");
+    watch.say("amps: note: --neighborhood space keeps no curves: no creases, borders or corners");
   }
   const double seconds_read = total.seconds();
   const double sized = sizing.kind == "uniform" || sizing.kind == "error" ? kMarked : kSized;
@@ -208,11 +213,19 @@ int run_remesh(const Arguments& arguments) {
   options.max_error = error_of(sizing, mesh);
   const amps::QualityReport input_quality = amps::quality(mesh, watch.part(sized, sized));
   const double seconds_sizing = total.seconds() - seconds_read;
-  options.sampling.execution = watch.part(sized, kWorked);
+  const bool reports = arguments.has("--report");
+  const double worked = reports ? kMeasured : kWorked;
+  options.sampling.execution = watch.part(sized, worked);
   const Stopwatch work;
   const amps::RemeshResult result = amps::remesh(mesh, options);
   watch.check(result.status);
   const double seconds_work = work.seconds();
+  const Stopwatch measure;
+  std::optional<page::Measures> measures;
+  if (reports) {
+    measures.emplace(measure_for_page(mesh, result, options.sampling.neighborhood, watch.part(worked, kWorked)));
+  }
+  const double seconds_measure = measure.seconds();
   const Stopwatch write;
   // An interruption leaves all files as they were, or, once the first is in place, none: the others are then written too.
   write_result(files, arguments.operand(1), result, watch.part(kWorked, 1));
@@ -237,8 +250,9 @@ int run_remesh(const Arguments& arguments) {
                                  {"remesh", report.seconds_remesh},
                                  {"fit", report.fit.seconds},
                                  {"checks", std::max(0.0, seconds_work - told)},
-                                 {"write", seconds_write},
-                                 {"total", total.seconds()}});
+                                 {"write", seconds_write}});
+  if (reports) seconds.emplace_back("report", seconds_measure);
+  seconds.emplace_back("total", total.seconds());
 
   const std::ptrdiff_t unused = result.mesh.vertices.rows() - report.output.vertices;  // on parts as thin as r
   const amps::Index left_out = static_cast<amps::Index>(mesh.triangles.rows()) - report.input.facets;
@@ -262,9 +276,9 @@ int run_remesh(const Arguments& arguments) {
   add_topology(json, "output", report.output);
   add_seconds(json, seconds);
   files.write(json);
-  watch.finish();
 
-  const Table table = files.table();
+  Table table = files.table();
+  table.hold();
   table.row("", "input", "output");
   const amps::Index asked = options.sampling.target_count;
   std::string vertices = std::to_string(result.mesh.vertices.rows());
@@ -288,14 +302,20 @@ int run_remesh(const Arguments& arguments) {
   print_maximality(table, report.maximality);
   print_unfilled(table, report.sampling);
   print_seconds(table, seconds);
-  const std::string lost = amps::lost_shape(report);
-  if (!lost.empty()) return complain(lost, kExitShape);
-  if (options.max_error > 0 && !(report.hausdorff_bound <= options.max_error)) {
-    return complain(format("the result is up to %.6g from the input, %.6g was asked for; take a larger --error",
-                           report.hausdorff_bound, options.max_error),
-                    kExitShape);
+  std::string lost = amps::lost_shape(report);
+  if (lost.empty() && options.max_error > 0 && !(report.hausdorff_bound <= options.max_error)) {
+    lost = format("the result is up to %.6g from the input, %.6g was asked for; take a larger --error", report.hausdorff_bound,
+                  options.max_error);
   }
-  return kExitDone;
+  if (reports) {
+    const std::string in = page::file_name(Files::shown(arguments.operand(0), Files::kInput));
+    const std::string out = page::file_name(Files::shown(arguments.operand(1), Files::kOutput));
+    files.write(arguments.text("--report"),
+                report_page({mesh, result, in, out, arguments.command_line(), lost, *measures, table, seconds}));
+  }
+  watch.finish();
+  table.print();
+  return lost.empty() ? kExitDone : complain(lost, kExitShape);
 }
 
 int run_curves(const Arguments& arguments) {
@@ -775,6 +795,7 @@ const std::vector<Command>& commands() {
         {"--fit", "HOW", "vertices leave the surface so that triangles lie closer to it: none (default), normal or free"},
         {"--iterations", "N", "stop optimising after so many visits to all that is bad"},
         {"--convergence", "FILE", "write the course of optimisation as CSV"},
+        {"--report", "FILE", "write a page (.html) of IN and OUT side by side, to be turned, with charts and this table"},
         kSeed,
         kThreads,
         {"--samples", "FILE", "write the vertices as a sample set too (.xyzr .ply .csv)"},
@@ -838,7 +859,7 @@ const std::vector<Command>& commands() {
        run_quality},
       {"spectrum",
        "IN SAMPLES...",
-       "say how random, even and isotropic sets of samples are",
+       "say how random, even and isotropic sample sets are",
        "SAMPLES are sample sets (.xyzr .ply .csv) on the mesh IN, best ten or more of the same kind by different seeds: all\n"
        "numbers are means over them. Where IN is a rectangle along the axes, at one z, what is measured is the power by\n"
        "frequency in the square in its middle (white noise: 1): radial mean and anisotropy, effective Nyquist frequency and\n"
@@ -905,21 +926,29 @@ void print_help() {
               AMPS_VERSION_MINOR, AMPS_VERSION_PATCH);
   std::printf("usage: amps COMMAND ...\n\n");
   for (const Command& command : commands()) {
-    std::printf("  %-28s %s\n", (std::string(command.name) + " " + command.operands).c_str(), command.summary);
+    std::printf("  %-24s %s\n", (std::string(command.name) + " " + command.operands).c_str(), command.summary);
   }
-  std::printf("\n'amps COMMAND --help' tells the options of a command, 'amps --version' the version.\n");
-  std::printf(
-      "Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some or 'fill' left some, 4 'remesh' lost some of the shape or "
-      "missed --error, 130 interrupted, 143 terminated.\n");
+  std::printf("\n'amps COMMAND --help' tells the options of a command,\n'amps --version' the version.\n");
+  std::printf("%s\n",
+              wrapped("Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some or 'fill' left some, 4 'remesh' lost some "
+                      "of the shape or missed --error, 130 interrupted, 143 terminated.",
+                      0, 0)
+                  .c_str());
 }
 
 void print_help(const Command& command) {
+  constexpr std::size_t kHelpColumn = 21;
+  const auto wrapped_anew = [](std::string text, std::size_t column, std::size_t indent) {  // its lines are those of the source
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    return wrapped(text, column, indent);
+  };
   std::printf("usage: amps %s %s [options]\n\n%s: %s.\n%s\n\n", command.name, command.operands, command.name, command.summary,
-              command.details);
+              wrapped_anew(command.details, 0, 0).c_str());
   for (const std::vector<Option>& group : {command.options, common_options()}) {
     for (const Option& option : group) {
       const std::string name = option.value == nullptr ? option.name : std::string(option.name) + " " + option.value;
-      std::printf("  %-18s %s\n", name.c_str(), option.help);
+      std::printf("  %-18s %s\n", name.c_str(),
+                  wrapped_anew(option.help, std::max(kHelpColumn, name.size() + 3), kHelpColumn).c_str());
     }
   }
 }

@@ -42,7 +42,7 @@ inline const std::vector<Option>& common_options() {
       {"--overwrite-input", nullptr, "an output may take the place of a file that is read"},
       {"--format", "FORMAT",
        "of what is named -, the standard input or output: obj, off, ply, stl; samples: xyzr, ply, csv;\n"
-       "                     IN,OUT if both are. If an output is -, the table is on stderr"},
+       "IN,OUT if both are. If an output is -, the table is on stderr"},
       {"--quiet", nullptr, "print nothing but errors"},
       {"--help", nullptr, "print this and exit"},
   };
@@ -115,6 +115,13 @@ class Arguments {
     return value;
   }
 
+  /// As it was typed, with quotes where a shell needs some.
+  std::string command_line() const {
+    std::string line = "amps " + std::string(command_->name);
+    for (const std::string& word : words_) line += " " + quoted_for_shell(word);
+    return line;
+  }
+
   UsageError error(const std::string& trouble) const {
     return UsageError("amps " + std::string(command_->name) + ": " + trouble + " (see 'amps " + command_->name + " --help')");
   }
@@ -131,7 +138,16 @@ class Arguments {
     return error(name + " wants " + wanted + ", not '" + text(name) + "'");
   }
 
+  static std::string quoted_for_shell(const std::string& word) {
+    const char* const plain = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_./:=,%+-";
+    if (!word.empty() && word.find_first_not_of(plain) == std::string::npos) return word;
+    std::string quoted = "'";
+    for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    return quoted + "'";
+  }
+
   const Command* command_;
+  std::vector<std::string> words_;
   std::vector<std::string> operands_;
   std::map<std::string, std::string> values_;
 };
@@ -158,7 +174,7 @@ inline std::string did_you_mean(const std::string& word, const std::vector<std::
   return "";
 }
 
-Arguments::Arguments(const Command& command, const std::vector<std::string>& words) : command_(&command) {
+Arguments::Arguments(const Command& command, const std::vector<std::string>& words) : command_(&command), words_(words) {
   std::vector<Option> options = command.options;
   options.insert(options.end(), common_options().begin(), common_options().end());
   bool only_operands = false;  // after "--"

@@ -3,6 +3,8 @@
 
 #include "amps/base.h"
 #include "amps/execution.h"
+#include "cli_output.h"
+#include "cli_terminal.h"
 
 #include <algorithm>
 #include <chrono>
@@ -10,12 +12,6 @@
 #include <cstddef>
 #include <cstdio>
 #include <string>
-
-#ifdef _WIN32
-#include <io.h>
-#else
-#include <unistd.h>
-#endif
 
 /// Thrown where the user, and not the work, has ended it.
 struct Interrupted {};
@@ -34,14 +30,6 @@ inline volatile std::sig_atomic_t interrupted = 0;
 extern "C" inline void on_interrupt(int signal) {
   interrupted = signal;
   std::signal(signal, SIG_DFL);  // a second one ends the program at once
-}
-
-inline bool stderr_is_terminal() {
-#ifdef _WIN32
-  return _isatty(_fileno(stderr)) != 0;
-#else
-  return isatty(fileno(stderr)) != 0;
-#endif
 }
 
 /// One job for all that a command does. Until finish(), SIGINT, SIGTERM and SIGHUP cancel what runs as a part of it, and a
@@ -71,11 +59,17 @@ class Watch {
     if (interrupted != 0 || status == amps::Outcome::kCancelled) throw Interrupted();
   }
 
+  /// A line on stderr, clear of the bar.
+  void say(const std::string& line) {
+    clear();
+    std::fprintf(stderr, "%s\n", line.c_str());
+  }
+
   /// The bar goes, and signals do what they did before.
   void finish() {
     if (finished_) return;
     finished_ = true;
-    if (drawn_) std::fprintf(stderr, "\r%*s\r", kWidth + 40, "");
+    clear();
     for (std::size_t i = 0; i < kNumSignals; ++i) std::signal(kSignals[i], previous_[i]);
   }
 
@@ -86,23 +80,48 @@ class Watch {
   static constexpr int kSignals[] = {SIGINT, SIGTERM};
 #endif
   static constexpr std::size_t kNumSignals = sizeof kSignals / sizeof kSignals[0];
-  static constexpr int kWidth = 40;
   static constexpr double kSecondsBetween = 0.05;
+  static constexpr std::size_t kMostColumns = 100, kLeastBar = 8;
 
+  void clear() {
+    if (drawn_) std::fprintf(stderr, "\r%*s\r", static_cast<int>(shown_), "");
+    drawn_ = false;
+    shown_ = 0;
+  }
+
+  /// Stage, bar, percent, rate and time left, in one line of the terminal.
   void draw(const char* stage, double fraction) {
     if (drawn_ && last_.seconds() < kSecondsBetween) return;
     last_ = Stopwatch();
     drawn_ = true;
-    const int filled = static_cast<int>(std::clamp(fraction, 0.0, 1.0) * kWidth);
-    const std::string bar =
-        std::string(static_cast<std::size_t>(filled), '#') + std::string(static_cast<std::size_t>(kWidth - filled), '.');
-    std::fprintf(stderr, "\r%-24.24s [%s] %3d %%", stage, bar.c_str(), static_cast<int>(100 * std::clamp(fraction, 0.0, 1.0)));
+    fraction = std::clamp(fraction, 0.0, 1.0);
+    pace_.tell(total_.seconds(), fraction);
+    const double rate = pace_.rate();
+    std::string numbers = format(" %3d %%", static_cast<int>(100 * fraction));
+    if (rate > 0) numbers += format("  %5.3g %%/s  %s", 100 * rate, pace_.time_left().c_str());
+    // The last column stays free: a terminal that is full goes to the next line.
+    const std::size_t columns = std::min(terminal_columns(), kMostColumns) - 1;
+    constexpr std::size_t kStage = 22, kNumbers = 33, kFrame = 3;
+    const std::size_t taken = kStage + kNumbers + kFrame;
+    const std::size_t width = columns > taken + kLeastBar ? columns - taken : 0;
+    const auto filled = static_cast<std::size_t>(fraction * static_cast<double>(width));
+    std::string line = format("%-22.22s", stage);
+    const std::size_t bar_at = line.size() + 2;
+    if (width > 0) line += " [" + std::string(filled, '#') + std::string(width - filled, '.') + "]";
+    line += numbers;
+    line.resize(std::min(line.size(), columns));
+    line.resize(std::max(line.size(), std::min(shown_, columns)), ' ');  // over what was there
+    shown_ = line.size();
+    if (width > 0) line.replace(bar_at, filled, in_colour(kBarColour, std::string(filled, '#')));
+    std::fprintf(stderr, "\r%s", line.c_str());
   }
 
   bool bar_;
   bool drawn_ = false;
   bool finished_ = false;
   void (*previous_[kNumSignals])(int) = {};
-  Stopwatch last_;
+  std::size_t shown_ = 0;  ///< columns
+  Stopwatch total_, last_;
+  Pace pace_;
   amps::Execution job_;
 };

@@ -21,6 +21,8 @@ for argument in "$@"; do
 done
 
 sh "$here/prepare.sh" libeigen3-dev libnanoflann-dev doctest-dev libcgal-dev clang libc++-dev libc++abi-dev
+# Apart from the others, since not every Debian-like system has a package of this name; its test is skipped without it.
+sh "$here/prepare.sh" chromium python3
 
 set -- -DAMPS_BUILD_TESTS=ON -DAMPS_BUILD_EXAMPLES=ON -DAMPS_INSTALL=ON
 if command -v ccache >/dev/null 2>&1; then

@@ -24,6 +24,7 @@ run() {
   grep -v '^amps: note: ' log/all >log/err || :
   [ "$code" -eq "$wanted" ] || fail "amps $* returned $code, not $wanted: $(head -n 3 log/err)"
   if [ "$wanted" -ne 2 ] && [ "$wanted" -ne 4 ] && [ -s log/err ]; then fail "amps $* complains: $(cat log/err)"; fi
+  awk 'length > 80 { exit 1 }' log/out || fail "amps $* prints more than 80 columns: $(awk 'length > 80' log/out)"
   if [ "$wanted" -eq 4 ] && [ "$(wc -l <log/err)" -ne 1 ]; then fail "amps $*: not one line: $(cat log/err)"; fi
 }
 
@@ -445,6 +446,50 @@ grep -q '"status": "shape changed"' lost.json || fail "the status of an empty re
 run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --quiet
 { [ ! -s log/out ] && [ ! -s log/notes ]; } || fail "--quiet prints"
 
+echo "-- a page"
+run 0 remesh box.obj "a & b.obj" --vertices 500 --report page.html
+grep -q '^<title>box.obj → a &amp; b.obj</title>$' page.html || fail "the title of a page: $(grep '<title>' page.html)"
+grep -q "<code id=\"command\">amps remesh box.obj 'a &amp; b.obj' --vertices 500 --report page.html</code>" page.html ||
+  fail "the command is not in the page"
+for name in Angles: Valences: 'Edges of the output' Convergence: 'worst coverage' triangulation 'Status: done'; do
+  grep -q "$name" page.html || fail "the page does not tell $name"
+done
+grep -q '{{\|src=\|href=\|url(' page.html && fail "the page is not whole, or refers to others"
+run 0 remesh box.obj plain.obj --vertices 500 --report plain.html --optimize none --quiet
+grep -q Convergence: plain.html && fail "convergence of nothing"
+run 4 remesh torus.obj lost.obj --radius 3 --neighborhood space --report lost.html
+grep -q 'Status: nothing of the shape is left' lost.html || fail "the page does not tell that the shape is lost"
+bad "written already" remesh torus.obj no.obj --vertices 100 --report no.obj
+bad "overwrite-input" remesh torus.obj no.obj --vertices 100 --report torus.obj
+bad "nowhere" remesh torus.obj no.obj --vertices 100 --report nowhere/no.html
+
+echo "-- in a terminal"
+# terminal FILE COMMAND: its output as a terminal of 80 columns gets it, without what the table has.
+terminal() { script -qec "stty cols 80; $2" "$1" >log/which 2>&1 </dev/null; }
+if script --version 2>log/which | grep -q util-linux && terminal log/typescript true; then
+  run 0 make knot large.obj --n 100000
+  work="'$amps' remesh large.obj large_out.obj --vertices 60000 --threads 1 --optimize none"
+  TERM=xterm terminal log/colours "unset NO_COLOR; $work" || fail "amps in a terminal returns $?"
+  TERM=xterm terminal log/plain "NO_COLOR=1 $work" || fail "amps in a terminal returns $?"
+  TERM=dumb terminal log/dumb "unset NO_COLOR; $work --quiet" || fail "amps in a terminal returns $?"
+  grep -q '\[#*\.*\]  *[0-9]* %  *[0-9.]* %/s  [0-9]*:[0-9][0-9] left' log/plain || fail "no rate or time left: $(tr '\r' '\n' <log/plain | head -n 30)"
+  escape=$(printf '\033')
+  grep -q "$escape" log/colours || fail "no colours in a terminal"
+  grep -q "$escape" log/plain && fail "colours with NO_COLOR"
+  grep -q '[#%]' log/dumb && fail "a bar with --quiet"
+  tr '\r' '\n' <log/plain | grep -v '^Script' | awk 'length > 80 { exit 1 }' || fail "a bar of more than 80 columns"
+  TERM=xterm terminal log/colours "unset NO_COLOR; '$amps' info missing.obj" && fail "a missing file is found"
+  grep -q "$escape" log/colours || fail "an error has no colour in a terminal"
+  TERM=xterm terminal log/colours "NO_COLOR=1 '$amps' info missing.obj" && fail "a missing file is found"
+  grep -q "$escape" log/colours && fail "an error has colours with NO_COLOR"
+  TERM=xterm terminal log/plain "NO_COLOR=1 '$amps' remesh large.obj large_out.obj --radius 0.1 --neighborhood space" || [ $? -eq 4 ] || fail "amps in a terminal returns $?"
+  tr '\r' '\n' <log/plain | grep -q '^amps: note: --neighborhood space' || fail "a note is not clear of the bar: $(tr '\r' '\n' <log/plain | head -n 20)"
+  script -qec "stty cols 40; NO_COLOR= $work --quiet; '$amps' remesh box.obj narrow.obj --vertices 500" log/narrow >log/which 2>&1 </dev/null
+  tr '\r' '\n' <log/narrow | grep '%' | grep -v reached | awk '/^[a-z ]* *[0-9]* %/ && length > 40 { exit 1 }' || fail "a bar wider than its terminal"
+else
+  echo "skipped: no script(1) of util-linux"
+fi
+
 echo "-- the same seed, the same bytes"
 run 0 remesh torus.obj a.off --radius 0.1 --seed 5 --threads 1
 run 0 remesh torus.obj b.off --radius=0.1 --seed=5 --threads 2
@@ -747,6 +792,11 @@ cmp log/piped lines.png || fail "not the same picture through pipes"
 piped torus.obj remesh torus.obj io.obj --radius 0.2 --samples - --format csv
 run 0 remesh torus.obj io.obj --radius 0.2 --samples io.csv
 cmp log/piped io.csv || fail "--samples -"
+piped torus.obj remesh - io.obj --radius 0.2 --report - --format obj
+grep -q '^<title>standard input → io.obj</title>$' log/piped || fail "--report -: $(grep '<title>' log/piped)"
+grep -q '</html>' log/piped || fail "--report - is not whole"
+piped torus.obj remesh - - --radius 0.2 --report io.html --format obj
+grep -q '^<title>standard input → standard output</title>$' io.html || fail "a page of pipes: $(grep '<title>' io.html)"
 piped holes.xyzr fill torus.obj - - --format xyzr
 cmp log/piped filled.xyzr || fail "fill: not the same through pipes"
 piped torus.obj fill - holes.xyzr io.xyzr --added - --format obj,xyzr
@@ -776,6 +826,7 @@ bad "say their --format" fill torus.obj - no.xyzr
 bad "say their --format" spectrum square.obj -
 bad "samples are in" render torus.obj no.png --samples - --format obj
 bad "second output" fill torus.obj holes.xyzr - --json - --format xyzr
+bad "second output" remesh torus.obj - --radius 0.2 --report - --format obj
 bad "second output" spectrum square.obj square_1.xyzr --png - --plot -
 bad "name them -" render torus.obj - --format obj
 bad "name them -" quality q.obj --png - --format obj
@@ -839,7 +890,7 @@ if command -v timeout >log/which 2>&1; then
   run 0 sample big.obj big.xyzr --radius 0.05
   echo "as it was" >stopped.obj  # one that is there, others that are not
   echo "as it was" | tee stopped.xyzr >stopped.png
-  interrupted INT 130 remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json
+  interrupted INT 130 remesh square.obj stopped.obj --radius 0.0005 --samples new.xyzr --json new.json --report new.html
   interrupted INT 130 sample big.obj new.xyzr --sizing lfs --rmin 0.0005 --json new.json
   interrupted INT 130 fill big.obj none stopped.xyzr --radius 0.0025 --added new.csv --json new.json
   interrupted INT 130 info big.obj --reference torus.obj --json new.json
