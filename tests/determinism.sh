@@ -2,25 +2,27 @@
 # Builds tests/determinism.cpp with many tool chains, runs it, and compares what it prints: results of every part of amps must have the
 # same bits. Prints a table; fails if a tool chain differs or cannot build. One that is not installed is named and left out.
 #
-#   tests/determinism.sh [--all] [--install] [--header amps_single.h] [BUILD_DIR]
+#   tests/determinism.sh [--few | --all] [--install] [--header amps_single.h] [BUILD_DIR]
 #
-# --all adds 32 bits, programs compiled for FMA, Windows (MinGW, run by wine) and WebAssembly (Emscripten, run by node). --install
-# installs the tool chains first (Debian). The single header is made if none is given. BUILD_DIR is build/determinism by default.
+# --few takes four that differ in all that native ones can differ in: what the tests run. --all adds 32 bits, programs compiled for FMA,
+# Windows (MinGW, run by wine) and WebAssembly (Emscripten, run by node). --install installs the tool chains first (Debian). The single header is made if none is given. BUILD_DIR is build/determinism by default.
 set -eu
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
 source=$(dirname -- "$here")
 all=
+few=
 install=
 header=
 build=$source/build/determinism
 while [ $# -gt 0 ]; do
   case $1 in
     --all) all=yes ;;
+    --few) few=yes ;;
     --install) install=yes ;;
     --header) header=$2; shift ;;
-    -h | --help) sed -n '2,8s/^# \{0,1\}//p' "$0"; exit 0 ;;
-    -*) echo "tests/determinism.sh: unknown option $1; it knows --all, --install and --header" >&2; exit 2 ;;
+    -h | --help) sed -n '2,9s/^# \{0,1\}//p' "$0"; exit 0 ;;
+    -*) echo "tests/determinism.sh: unknown option $1; it knows --few, --all, --install and --header" >&2; exit 2 ;;
     *) build=$1 ;;
   esac
   shift
@@ -34,6 +36,15 @@ fi
 # The first is what the others are compared with. The mixed ones are programs whose own flags allow contraction: inline functions that
 # both contain must not be the program's.
 configurations() {
+  if [ -n "$few" ]; then
+    cat <<'END'
+gcc -O3|g++|-O3||
+gcc -O0, no vectors|g++|-O0 -DEIGEN_DONT_VECTORIZE||
+gcc -O3 -march=native|g++|-O3 -march=native||
+clang -O2, libc++|clang++|-O2 -stdlib=libc++||
+END
+    return
+  fi
   cat <<'END'
 gcc -O3|g++|-O3||
 gcc -O0|g++|-O0||
