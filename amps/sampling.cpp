@@ -116,12 +116,6 @@ void require_feasible_radii(const MeshView& mesh, const WantedRadii& radii, cons
   }
   const bool uniform = min == max;
   const std::string what = text_of_radii(min, max);
-  const double farthest = box.min.cwiseAbs().cwiseMax(box.max.cwiseAbs()).maxCoeff(), resolution = 0x1p-52 * farthest;
-  if (min < kLeastResolutions * resolution) {
-    throw Error(ErrorCode::kInvalidArgument, "sampling: " + what + " at coordinates of up to " + number_text(farthest) +
-                                                 ": doubles are " + number_text(resolution) +
-                                                 " apart there, too much for disks; move the mesh to the origin");
-  }
   const ForeseenSize size = foresee_size(mesh, radii, options.max_samples);
   const auto use = [&](double factor) {
     constexpr double kMargin = 1.01;
@@ -144,6 +138,12 @@ void require_feasible_radii(const MeshView& mesh, const WantedRadii& radii, cons
                                           use(size.crossings / most) + ", or a mesh without such needles");
   }
   require_fitting_radii(min, max, box);
+  const double farthest = box.min.cwiseAbs().cwiseMax(box.max.cwiseAbs()).maxCoeff(), resolution = 0x1p-52 * farthest;
+  if (min < kLeastResolutions * resolution) {
+    throw Error(ErrorCode::kInvalidArgument, "sampling: " + what + " at coordinates of up to " + number_text(farthest) +
+                                                 ": doubles are " + number_text(resolution) +
+                                                 " apart there, too much for disks; move the mesh to the origin");
+  }
 }
 
 /// Which of radius, sizing and target_count are given, and whether the field is this mesh's.
