@@ -20,7 +20,7 @@ for argument in "$@"; do
   esac
 done
 
-sh "$here/prepare.sh" libeigen3-dev libnanoflann-dev doctest-dev libcgal-dev clang libc++-dev libc++abi-dev
+sh "$here/prepare.sh" libeigen3-dev libnanoflann-dev doctest-dev libcgal-dev clang libc++-dev libc++abi-dev ccache
 # Apart from the others, since not every Debian-like system has a package of this name; its test is skipped without it.
 sh "$here/prepare.sh" chromium python3
 
