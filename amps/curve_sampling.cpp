@@ -956,6 +956,15 @@ void CurveSampler::finish(CurveSamples& result) {
     radius = radius_below(radius, d2);
     ++result.report.forced;
   }
+  constexpr Index kMostForced = 20'000;
+  if (result.report.forced > kMostForced) {
+    throw Error(
+        ErrorCode::kTooLarge,
+        "curves: " + std::to_string(result.report.forced) +
+            " samples are on curves nearer to each other than a thousandth of the wanted radius, which all but coincide "
+            "(thin plates, needles): faces beside them would take many times as many; take such facets out, make the "
+            "parts some thousandths of the radius wide, or keep fewer curves");
+  }
   for (const auto& [p, q] : result.edges) {
     Sample &a = result.samples[slot(p)].sample, &b = result.samples[slot(q)].sample;
     const double d2 = squared_norm(a.position() - b.position());

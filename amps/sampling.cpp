@@ -474,8 +474,12 @@ class TopologyRefiner {
     const Index most = std::max(before, std::min(most_refined(before), options_.max_samples));
     TopologyCertificate certificate = check_all(execution.part(0, done));
     if (certificate.holds()) return;
-    // What floors are shares of: beside close curves radii are small from the beginning.
-    const WantedRadii to_begin_with = bounded_radii(first_.radii, first_.limits, run_.curves.get(), first_.box).radii;
+    // What floors are shares of: beside close curves radii are small from the beginning. But where these take so many samples
+    // as in sheets far thinner than a thousandth of the radius, to go on below would cost far more.
+    constexpr std::size_t kFewCurveSamples = 20'000;
+    const bool few = run_.curves == nullptr || run_.curves->samples.size() <= kFewCurveSamples;
+    const WantedRadii to_begin_with =
+        few ? bounded_radii(first_.radii, first_.limits, run_.curves.get(), first_.box).radii : first_.radii;
     for (;;) {
       while (!run_.gave_up && caps_.lower(certificate, *run_.disks, run_.curves.get(), to_begin_with)) {
         lower(certificate, next_part());

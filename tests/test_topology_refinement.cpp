@@ -612,3 +612,11 @@ TEST_CASE("topology_refinement: floors follow radii that curves have lowered") {
   CHECK(result.report.curves.edges_kept == result.report.curves.edges);
   CHECK(result.status == amps::Outcome::kDone);
 }
+
+TEST_CASE("topology_refinement: sheets that all but coincide are refused") {
+  amps::Mesh mesh = amps::make_cube();
+  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) mesh.vertices(v, 2) *= 1e-6;
+  amps::RemeshOptions options;
+  options.sampling.target_count = 1000;
+  CHECK_THROWS_AS(amps::remesh(mesh, options), amps::Error);
+}
