@@ -283,6 +283,7 @@ int run_remesh(const Arguments& arguments) {
   const amps::Index asked = options.sampling.target_count;
   std::string vertices = std::to_string(result.mesh.vertices.rows());
   if (asked > 0) vertices += " of " + number(asked) + " asked for";
+  if (result.status == amps::Outcome::kCountMissed) vertices += ": missed";
   table.row("vertices", number(report.input.vertices), vertices);
   table.row("triangles", number(report.input.facets), number(report.output.facets));
   if (left_out > 0) table.row("triangles left out", number(left_out), "there twice, or of two corners");
