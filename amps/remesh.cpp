@@ -472,7 +472,8 @@ SamplingRun sample_preserving(const MeshView& mesh, CurveOptions& curves, Sampli
     const std::vector<std::array<Index, 2>> sharp = dropped_edges_at(surface, run.changed_facets);
     std::vector<Index> tips = tips_at(mesh, surface, run.changed_facets);
     if ((sharp.empty() && tips.empty()) || !surface.may_change) {
-      if (!run.gave_up && !surface.may_change) return run;
+      // A count asked for has not been looked for to the end while there might have been other curves.
+      if (!run.gave_up && (!surface.may_change || sampling.target_count == 0)) return run;
       if (run.gave_up) surface.preserve = false;
       k = kMaxPromotions;
       keep(run);

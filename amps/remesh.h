@@ -57,7 +57,7 @@ struct RemeshOptions {
   double max_error = 0;
   /// The samples of `sampling.target_count`, which must be given, are spent where they lower that distance most: radii follow
   /// from curvature unless there is a sizing, and as long as that helps, they fall where the result is farthest off and grow
-  /// elsewhere. The distance is reported as of max_error. Takes the time of some dozen runs.
+  /// elsewhere. The distance is reported as of max_error. Takes some thirty times as long as one run.
   bool least_error = false;
   /// Means nothing where disks are balls.
   Topology topology = Topology::kPreserve;

@@ -780,7 +780,7 @@ const std::vector<Command>& commands() {
         {"--vertices", "N", "number of vertices wanted instead, met within 2 %"},
         {"--sizing", "KIND",
          "uniform (default), lfs, curvature, a file of one radius a vertex (numbers, or x.ply:PROPERTY), or error: N vertices\n"
-         "are spent where they lower the distance to IN most, in the time of some dozen runs"},
+         "are spent where they lower the distance to IN most, in some thirty times the time"},
         kRmin,
         kRmax,
         {"--error", "E", "the result is at most E from the input, proved: in the units of the mesh, or 1% of its diagonal"},

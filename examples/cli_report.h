@@ -276,7 +276,8 @@ inline void add_fit(Json& json, amps::Fit fit, const amps::FitReport& report) {
 inline void print_error(const Table& table, const amps::RemeshOptions& options, const amps::RemeshReport& report) {
   const double asked = options.max_error;
   if (asked > 0 || options.least_error) {
-    table.row("distance, proved", asked > 0 ? format("%.6g", asked) + " asked" : "", format("%.6g", report.hausdorff_bound));
+    table.row("distance, proved", "",
+              format("%.6g", report.hausdorff_bound) + (asked > 0 ? format(" of %.6g asked for", asked) : ""));
   }
 }
 

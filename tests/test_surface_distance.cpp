@@ -409,3 +409,31 @@ TEST_CASE("surface_distance: the report in words, whatever the stream's format")
 }
 
 }  // namespace amps_test
+
+TEST_CASE("surface distance: points farther than asked for are listed, with their distances") {
+  const amps::Mesh sphere = amps::make_sphere(320), cut = amps::make_sphere(80);
+  const amps::SurfaceTree tree(cut);
+  const double farthest = amps::one_sided_distance(sphere, cut).hausdorff;
+  for (const double share : {0.3, 0.9}) {
+    const std::vector<amps::detail::FarPoint> points = amps::detail::far_points(sphere, cut, tree, share * farthest, {});
+    REQUIRE(!points.empty());
+    double greatest = 0;
+    for (const amps::detail::FarPoint& p : points) {
+      const double brute = static_cast<double>(amps_test::brute_distance(cut, p.position));
+      CHECK(std::abs(p.distance - brute) <= 1e-12);
+      CHECK(p.distance > share * farthest);
+      greatest = std::max(greatest, p.distance);
+    }
+    CHECK(greatest <= farthest * (1 + 1e-12));
+    // Facets that have vertices as far as that are all there.
+    for (amps::Index f = 0; f < static_cast<amps::Index>(sphere.triangles.rows()); ++f) {
+      double corner = 0;
+      for (int k = 0; k < 3; ++k) {
+        corner = std::max(corner, static_cast<double>(amps_test::brute_distance(cut, amps::MeshView(sphere).corner(f, k))));
+      }
+      const bool listed = std::any_of(points.begin(), points.end(), [f](const auto& p) { return p.facet == f; });
+      if (corner > share * farthest * (1 + 1e-9)) CHECK(listed);
+    }
+  }
+  CHECK(amps::detail::far_points(sphere, cut, tree, 1.02 * farthest, {}).empty());
+}

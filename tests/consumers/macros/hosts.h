@@ -71,9 +71,15 @@
 
 // Unreal, macOS's AssertMacros.h
 #define check(expression) \
-  { if (!(expression)) {} }
+  {                       \
+    if (!(expression)) {  \
+    }                     \
+  }
 #define verify(expression) \
-  { if (!(expression)) {} }
+  {                        \
+    if (!(expression)) {   \
+    }                      \
+  }
 #define ensure(expression) (!!(expression))
 #define require(assertion, label) \
   do {                            \
