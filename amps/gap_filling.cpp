@@ -124,7 +124,9 @@ void GapFiller::look_at_all(const Execution& execution) {
   });
   // What is left are facets that no sample reaches.
   for_each_piece(n, kElementsPerLook, execution.part(0.95, 1), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) set_weight(static_cast<Index>(f), weights[f]);
+    for (std::size_t f = begin; f < end; ++f) {
+      if (weights[f] > 0) set_weight(static_cast<Index>(f), weights[f]);
+    }
   });
 }
 
