@@ -32,6 +32,12 @@ constexpr double kTargetTolerance = 0.01;
 constexpr int kTargetAttempts = 100;
 constexpr int kMinTargetAttempts = 8;
 constexpr double kTargetSamples = 1e5;
+/// Where curves and topology need samples of their own, runs end at kMinTargetAttempts, and sooner where larger radii do not
+/// help. But small sets that have come as near as this may have missed by chance: they are drawn so often, as long as together
+/// they have drawn no more than this.
+constexpr double kNearTarget = 0.15;
+constexpr int kNearTargetAttempts = 12;
+constexpr double kNearTargetSamples = 1e4;
 /// Curves that need so many samples, and so many times the wanted number (or what radius, area and length make), are refused:
 /// thin plates, needles.
 constexpr double kCurveSamples = 1e5;
@@ -681,12 +687,12 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingReport total;
   double first_scale = 0, first_count = 0;
-  bool helps = true;
+  bool helps = true, by_chance = false;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
     const double scale = model->scale();
     if (attempt == 1) first_scale = scale;
     // Where curves need most of the samples, larger disks on faces help little: the set stays larger than asked for.
-    if (surface.curves != nullptr && (scale > kMaxScaleBesideFixed * first_scale || !helps)) break;
+    if (surface.curves != nullptr && (scale > kMaxScaleBesideFixed * first_scale || !(helps || by_chance))) break;
     const WantedRadii radii =
         by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
@@ -715,7 +721,8 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;
     // Curves need the samples that they need, whatever the radius.
-    if (attempt >= kMinTargetAttempts && (attempt * target > kTargetSamples || has_curves(surface))) break;
+    by_chance = miss(best) <= kNearTarget && attempt < kNearTargetAttempts && attempt * target <= kNearTargetSamples;
+    if (attempt >= kMinTargetAttempts && (attempt * target > kTargetSamples || (has_curves(surface) && !by_chance))) break;
   }
   SamplingReport& report = best.result.report;
   report.attempts = total.attempts;
