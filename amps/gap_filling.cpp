@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace amps::detail {
 namespace {
@@ -15,12 +16,13 @@ constexpr int kGapDarts = 64;
 /// Relative distance by which such a dart may be too close: a tenth of what the certificate allows.
 constexpr double kSeparationSlack = 1e-10;
 
-/// Gaps are chosen among so many fragments at a time, along a curve in space: where gap filling works, memory is at hand (two
-/// thirds of the time at a million samples). The paper chooses among all gaps. Stretches that do not touch do not see each
-/// other, so it does not matter which comes first, and within one choice is in proportion to ρ × area; only near where two of
-/// them meet, each some 70 by 70 samples, is the order another. That makes no difference to the count of samples; stretches of
-/// 1024 make 0.4 % more, and so do stretches scattered in space (tests/bench/README.md).
-constexpr std::size_t kFragmentsAtATime = 16384;
+/// Gaps are chosen among those in the cells of so many samples at a time, along a curve in space: where gap filling works,
+/// memory is at hand (two thirds of the time at a million samples). The paper chooses among all gaps. Stretches that do not
+/// touch do not see each other, so it does not matter which comes first, and within one choice is in proportion to ρ × area;
+/// only near where two of them meet, each some 90 by 90 samples, is the order another. Stretches of 80 samples make 0.07 % more
+/// samples, of 300 samples 0.04 %, of these none that could be measured (tests/bench/README.md). They are of samples, not of
+/// fragments: on a fine mesh so many fragments are the cells of few.
+constexpr std::size_t kSitesAtATime = 8192;
 
 /// Gaps between two looks for a cancel: some milliseconds.
 constexpr Index kGapsPerReport = 256;
@@ -35,12 +37,8 @@ void SumTree::set(Index i, double weight) {
   for (at /= 2; at > 0; at /= 2) nodes_[at] = nodes_[2 * at] + nodes_[2 * at + 1];
 }
 
-Index SumTree::pick(double u, std::size_t stretch) const {
+Index SumTree::pick(double u) const {
   std::size_t at = 1;
-  for (std::size_t span = leaves_; span > stretch; span /= 2) {
-    at *= 2;
-    if (!(nodes_[at] > 0)) ++at;
-  }
   double rest = u * nodes_[at];
   while (at < leaves_) {
     at *= 2;
@@ -65,15 +63,31 @@ void SumTree::grow(std::size_t wanted) {
   for (std::size_t at = leaves_ - 1; at > 0; --at) nodes_[at] = nodes_[2 * at] + nodes_[2 * at + 1];
 }
 
-/// Fragments get leaves in the order they are looked at.
-Index GapFiller::leaf(Index f) {
-  if (slot(f) >= leaf_of_.size()) leaf_of_.resize(std::max(slot(diagram_.fragment_capacity()), slot(f) + 1), kNone);
-  Index& result = leaf_of_[slot(f)];
-  if (result == kNone) {
-    result = static_cast<Index>(fragment_at_.size());
-    fragment_at_.push_back(f);
+bool GapFiller::has_gaps() const {
+  return std::any_of(stretches_.begin(), stretches_.end(), [](const Stretch& stretch) { return stretch.gaps.total() > 0; });
+}
+
+double GapFiller::total_weight() const {
+  double total = 0;
+  for (const Stretch& stretch : stretches_) total += stretch.gaps.total();
+  return total;
+}
+
+/// A fragment gets its place when it first has a gap; and another one when its slot, used again, holds a new gap elsewhere.
+void GapFiller::set_weight(Index f, double weight) {
+  const bool has_gap = weight > 0;
+  if (slot(f) >= place_of_.size()) {
+    if (!has_gap) return;
+    place_of_.resize(std::max(slot(diagram_.fragment_capacity()), slot(f) + 1));
   }
-  return result;
+  Place& place = place_of_[slot(f)];
+  if (place.stretch != current_ && has_gap &&
+      (place.at == kNone || stretches_[slot(place.stretch)].gaps.weight(place.at) == 0)) {
+    Stretch& stretch = stretches_[slot(current_)];
+    place = {current_, static_cast<Index>(stretch.fragment_at.size())};
+    stretch.fragment_at.push_back(f);
+  }
+  if (place.at != kNone) stretches_[slot(place.stretch)].gaps.set(place.at, weight);
 }
 
 void GapFiller::look_at_all(const Execution& execution) {
@@ -89,17 +103,29 @@ void GapFiller::look_at_all(const Execution& execution) {
     }
   });
   const std::vector<Index> order = curve_order(positions, execution.part(0.05, 0.25));
-  for_each_piece(order.size(), kElementsPerLook, execution.part(0.25, 0.4), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      for (Index f = diagram_.first_of_site(sites[slot(order[k])]); f != kNone; f = diagram_.next_of_site(f)) leaf(f);
+  // Gaps are found in the order of the diagram's memory, and entered in that of the curve.
+  const auto n = slot(diagram_.fragment_capacity());
+  std::vector<double> weights(n, 0.0);
+  constexpr std::size_t kFragmentsPerPiece = 4096;
+  for_each_piece(n, kFragmentsPerPiece, execution.part(0.25, 0.85), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) {
+      if (diagram_.alive(static_cast<Index>(f))) weights[f] = gap_weight(static_cast<Index>(f));
     }
   });
-  gaps_.grow(slot(diagram_.num_fragments()));
-  constexpr std::size_t kFragmentsPerPiece = 4096;
-  const auto n = slot(diagram_.fragment_capacity());
-  for_each_piece(n, kFragmentsPerPiece, execution.part(0.4, 1), [&](std::size_t begin, std::size_t end) {
+  const std::size_t num_stretches = std::max<std::size_t>(1, order.size() / kSitesAtATime);
+  stretches_.resize(num_stretches);
+  for_each_piece(order.size(), kElementsPerLook, execution.part(0.85, 0.95), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      current_ = static_cast<Index>(k * num_stretches / order.size());
+      for (Index f = diagram_.first_of_site(sites[slot(order[k])]); f != kNone; f = diagram_.next_of_site(f)) {
+        set_weight(f, std::exchange(weights[slot(f)], 0.0));
+      }
+    }
+  });
+  // What is left are facets that no sample reaches.
+  for_each_piece(n, kElementsPerLook, execution.part(0.95, 1), [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f) {
-      if (diagram_.alive(static_cast<Index>(f))) refresh(static_cast<Index>(f));
+      if (weights[f] > 0) set_weight(static_cast<Index>(f), weights[f]);
     }
   });
 }
@@ -109,21 +135,23 @@ void GapFiller::look_at(const std::vector<Index>& fragments) {
 }
 
 void GapFiller::forget() {
-  for (const Index f : fragment_at_) {
-    gaps_.set(leaf_of_[slot(f)], 0.0);
-    leaf_of_[slot(f)] = kNone;
+  for (Stretch& stretch : stretches_) {
+    for (std::size_t at = 0; at < stretch.fragment_at.size(); ++at) {
+      stretch.gaps.set(static_cast<Index>(at), 0.0);
+      place_of_[slot(stretch.fragment_at[at])] = {};
+    }
+    stretch.fragment_at.clear();
   }
-  fragment_at_.clear();
+  stretches_.resize(1);
+  current_ = 0;
 }
 
-void GapFiller::refresh(Index f) {
-  double weight = 0;
-  if (diagram_.alive(f) && !surely_covered(f)) {
-    const auto polygon = diagram_.polygon(f);
-    const double area = gap_.assign(diagram_, polygon);
-    if (area > 0) weight = area * relative_density(polygon);
-  }
-  gaps_.set(leaf(f), weight);
+/// Of the gap of f: its area, times the greatest density there.
+double GapFiller::gap_weight(Index f) {
+  if (!diagram_.alive(f) || surely_covered(f)) return 0;
+  const auto polygon = diagram_.polygon(f);
+  const double area = gap_.assign(diagram_, polygon);
+  return area > 0 ? area * greatest_density(polygon.facet) : 0;
 }
 
 bool GapFiller::surely_covered(Index f) const {
@@ -133,56 +161,70 @@ bool GapFiller::surely_covered(Index f) const {
   return reach * reach <= diagram_.site(diagram_.polygon(f).site).w;
 }
 
-/// ρ in the middle of a fragment, in units of its greatest value. Above the square of rounding, so that no gap goes unseen.
-double GapFiller::relative_density(const RestrictedPowerDiagram::Polygon& polygon) const {
+/// The greatest ρ in the gap, in units of its greatest value on the surface: that at a corner of the gap, exactly so where the
+/// field is linear. Above the square of rounding, so that no gap goes unseen.
+double GapFiller::greatest_density(Index facet) {
   if (radii_.one_density()) return 1;
-  Vec3 sum = Vec3::Zero();
-  for (Index k = 0; k < polygon.size; ++k) sum += polygon.corners[k];
-  return radii_.relative_density(surface_point_below(diagram_.mesh(), polygon.facet, sum / polygon.size));
+  double greatest = 0;
+  for (std::size_t k = 0; k < gap_.num_corners(); ++k) {
+    greatest = std::max(greatest, radii_.relative_density(surface_point_below(diagram_.mesh(), facet, gap_.corner(k))));
+  }
+  return greatest;
 }
 
 GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& enter) {
   GapFilling result;
-  const double at_start = gaps_.total();
-  double done = 0;  // ρ in the middle of what is left of a fragment may rise
-  while (has_gaps()) {
-    if (limits.execution != nullptr && (result.samples + result.unfilled) % kGapsPerReport == 0) {
-      done = std::max(done, 1 - std::min(1.0, gaps_.total() / at_start));
-      if (!completes([&] { limits.execution->report(done); })) {
-        result.end = GapFilling::End::kCancelled;
+  const double at_start = limits.execution != nullptr ? total_weight() : 0;
+  double done = 0;  // the greatest ρ of what is left of a fragment, by rounding, may rise
+  std::uint64_t darts = 0;
+  for (current_ = 0; has_gaps(); current_ = (current_ + 1) % static_cast<Index>(stretches_.size())) {
+    while (stretches_[slot(current_)].gaps.total() > 0) {
+      if (limits.execution != nullptr && darts++ % kGapsPerReport == 0) {
+        done = std::max(done, 1 - std::min(1.0, total_weight() / at_start));
+        if (!completes([&] { limits.execution->report(done); })) {
+          result.end = GapFilling::End::kCancelled;
+          return result;
+        }
+      }
+      if (result.samples == limits.max_samples) {
+        result.end = GapFilling::End::kGaveUp;
         return result;
       }
-    }
-    if (result.samples == limits.max_samples) {
-      result.end = GapFilling::End::kGaveUp;
-      return result;
-    }
-    const Index at = gaps_.pick(rng.uniform(), kFragmentsAtATime), f = fragment_at_[slot(at)];
-    Sample sample;
-    if (throw_darts_into(f, rng, sample)) {
-      ++result.samples;
-      enter(sample, diagram_.polygon(f).site);
-      look_at(diagram_.changed());
-    } else {
-      ++result.unfilled;
-      gaps_.set(at, 0.0);
+      const Stretch& stretch = stretches_[slot(current_)];
+      const Index place = stretch.gaps.pick(rng.uniform()), f = stretch.fragment_at[slot(place)];
+      Sample sample;
+      switch (throw_darts_into(f, stretch.gaps.weight(place), rng, sample)) {
+        case Dart::kEntered:
+          ++result.samples;
+          enter(sample, diagram_.polygon(f).site);
+          look_at(diagram_.changed());
+          break;
+        case Dart::kNoRoom:
+          ++result.unfilled;
+          set_weight(f, 0.0);
+          break;
+        case Dart::kThinned:
+          break;
+      }
     }
   }
   return result;
 }
 
-/// False if the gap of f holds no double at the wanted distance.
-bool GapFiller::throw_darts_into(Index f, Rng& rng, Sample& sample) {
+/// A dart of uniform density times `weight` becomes one of density ρ by leaving out what is too much: kThinned, and a gap is
+/// chosen anew. kNoRoom: the gap of f holds no double at the wanted distance.
+GapFiller::Dart GapFiller::throw_darts_into(Index f, double weight, Rng& rng, Sample& sample) {
   const auto polygon = diagram_.polygon(f);
-  gap_.assign(diagram_, polygon);
+  const double area = gap_.assign(diagram_, polygon);
   for (int dart = 0; dart < kGapDarts; ++dart) {
     sample.at = surface_point_below(diagram_.mesh(), polygon.facet, gap_.sample(rng));
     if (!sample.position().allFinite()) continue;
+    if (!radii_.one_density() && rng.uniform() * weight >= area * radii_.relative_density(sample.at)) return Dart::kThinned;
     if (!is_free(sample.at, polygon, dart + 1 == kGapDarts ? kSeparationSlack : 0.0)) continue;
     sample.radius = disks_.lowered_radius(sample.at, radii_.at(sample.at), radii_);
-    return true;
+    return Dart::kEntered;
   }
-  return false;
+  return Dart::kNoRoom;
 }
 
 /// Rounding may move a point of the gap into a ball: the doubles themselves are tested, exactly unless slack is given. (A gap

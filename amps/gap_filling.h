@@ -1,9 +1,11 @@
 // gap_filling.h (internal): fills the gaps of a sample set, for whoever has one. Gaps are found in the restricted power diagram
 // of the set; a gap is chosen with probability in proportion to ρ × area, a uniform random point of it becomes a sample, and
-// what that has changed in the diagram is looked at anew, until no gap is left.
+// what that has changed in the diagram is looked at anew, until no gap is left. That is the law of darts of density ρ that are
+// thrown until no point is uncovered, without those that miss.
 //
-// Yan & Wonka, "Gap Processing for Adaptive Maximal Poisson-disk Sampling", ACM TOG 32(5), 2013, §4. Where we differ: large
-// sets are filled stretch by stretch along a curve in space, see kFragmentsAtATime.
+// Yan & Wonka, "Gap Processing for Adaptive Maximal Poisson-disk Sampling", ACM TOG 32(5), 2013, §4. Where we differ: the
+// density is that of each point, not one for a gap; and large sets are filled stretch by stretch along a curve in space, see
+// kSitesAtATime.
 #pragma once
 
 #include "amps/base.h"
@@ -33,9 +35,11 @@ class SumTree {
   /// i ≥ 0; weights not set are 0.
   void set(Index i, double weight);
 
-  /// Of the first `stretch` leaves (a power of two, aligned) that have any weight, the one where their running sum passes u
-  /// times their total, u in [0, 1); one of positive weight. Requires total() > 0.
-  Index pick(double u, std::size_t stretch) const;
+  double weight(Index i) const { return slot(i) < leaves_ ? nodes_[leaves_ + slot(i)] : 0.0; }
+
+  /// Where the running sum of weights passes u times their total, u in [0, 1): a place of positive weight. Requires
+  /// total() > 0.
+  Index pick(double u) const;
 
  private:
   std::vector<double> nodes_;  ///< children of node i: 2i and 2i + 1; leaves last
@@ -57,8 +61,8 @@ struct GapFilling {
   bool complete() const { return end == End::kFilled && unfilled == 0; }
 };
 
-/// Keeps the gap area of fragments times ρ there. To fill all gaps: look_at_all(), fill(). After a local change of the diagram,
-/// where all else is covered: look_at() what has changed, fill(), forget(). One object per thread.
+/// Keeps for each fragment the area of its gap times a bound of ρ there. To fill all gaps: look_at_all(), fill(). After a local
+/// change of the diagram, where all else is covered: look_at() what has changed, fill(), forget(). One object per thread.
 class GapFiller {
  public:
   /// Enters a sample into the diagram, the disks, and whatever else its owner keeps: that is also where a caller who may want
@@ -77,25 +81,38 @@ class GapFiller {
   /// As if nothing had been looked at. O(what was looked at).
   void forget();
 
-  bool has_gaps() const { return gaps_.total() > 0; }
+  bool has_gaps() const;
   /// Darts into the gaps of what was looked at, and of what changes meanwhile.
   GapFilling fill(Rng& rng, const GapFillLimits& limits, const Enter& enter);
 
  private:
-  Index leaf(Index f);
-  void refresh(Index f);
+  /// Gaps among which one is chosen.
+  struct Stretch {
+    SumTree gaps;                    ///< by place: area × greatest ρ of the gap of a fragment
+    std::vector<Index> fragment_at;  ///< by place
+  };
+  /// Where a fragment is that has or had a gap.
+  struct Place {
+    Index stretch = kNone, at = kNone;
+  };
+  enum class Dart { kEntered, kThinned, kNoRoom };
+
+  double gap_weight(Index f);
+  void set_weight(Index f, double weight);
+  void refresh(Index f) { set_weight(f, gap_weight(f)); }
+  double total_weight() const;
   bool surely_covered(Index f) const;
-  double relative_density(const RestrictedPowerDiagram::Polygon& polygon) const;
-  bool throw_darts_into(Index f, Rng& rng, Sample& sample);
+  double greatest_density(Index facet);
+  Dart throw_darts_into(Index f, double weight, Rng& rng, Sample& sample);
   bool is_free(const SurfacePoint& at, const RestrictedPowerDiagram::Polygon& polygon, double slack) const;
 
   const RestrictedPowerDiagram& diagram_;
   const DiskSet& disks_;
   const WantedRadii& radii_;
   FragmentGap gap_;
-  SumTree gaps_;                    ///< by leaf: ρ × area of the gap of a fragment
-  std::vector<Index> leaf_of_;      ///< by slot of a fragment; kNone: not looked at
-  std::vector<Index> fragment_at_;  ///< by leaf
+  std::vector<Stretch> stretches_ = std::vector<Stretch>(1);
+  Index current_ = 0;            ///< the stretch that gaps of new fragments belong to
+  std::vector<Place> place_of_;  ///< by slot of a fragment
 };
 
 }  // namespace amps::detail

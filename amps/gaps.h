@@ -48,6 +48,10 @@ class FragmentGap {
 
   double area() const { return area_ * scale_ * scale_; }
 
+  /// Points whose convex hull holds the gap, up to rounding: all ends of its edges. None without a gap.
+  std::size_t num_corners() const { return points_.size(); }
+  Vec3 corner(std::size_t i) const { return to_space(points_[i]); }
+
   /// Triangles in the plane of the fragment that cover the gap, with disjoint interiors, inside of the fragment, of at most
   /// twice the area of the gap (up to rounding). Empty if there is no gap, or one without area. Built when first asked for.
   std::size_t num_primitives();

@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 #include <optional>
 #include <string>
@@ -31,6 +32,12 @@ constexpr double kTargetTolerance = 0.01;
 constexpr int kTargetAttempts = 100;
 constexpr int kMinTargetAttempts = 8;
 constexpr double kTargetSamples = 1e5;
+/// Where curves and topology need samples of their own, runs end at kMinTargetAttempts, and sooner where larger radii do not
+/// help. But small sets that have come as near as this may have missed by chance: they are drawn so often, as long as together
+/// they have drawn no more than this.
+constexpr double kNearTarget = 0.15;
+constexpr int kNearTargetAttempts = 12;
+constexpr double kNearTargetSamples = 1e4;
 /// Curves that need so many samples, and so many times the wanted number (or what radius, area and length make), are refused:
 /// thin plates, needles.
 constexpr double kCurveSamples = 1e5;
@@ -165,18 +172,27 @@ WantedRadii wanted_radii(const SamplingOptions& options) {
                                 : WantedRadii(options.sizing, options.conflict_rule);
 }
 
+/// Where the random numbers of a run begin. Radii, by ∫dA/r² to single precision, have a part in it: or else one seed would
+/// throw the same darts for all of them, and sets of nearly equal radii would share most of their points.
+std::uint64_t random_stream(std::uint64_t seed, double density) {
+  const auto rounded = static_cast<float>(density);
+  std::uint32_t bits;
+  static_assert(sizeof bits == sizeof rounded, "float has 32 bits");
+  std::memcpy(&bits, &rounded, sizeof bits);
+  return scramble(seed ^ scramble(std::uint64_t{bits} + 1));
+}
+
 /// What both stages share: the mesh, the wanted radii, the samples so far and the grid that tells conflicts among them.
 struct SamplingTask {
-  /// `box` holds all samples.
+  /// `box` holds all samples. `stream`: random_stream().
   SamplingTask(const MeshView& m, const SamplingOptions& o, const WantedRadii& r, const Box& box,
-               std::shared_ptr<const SurfaceFlood> flood, std::uint64_t seed)
+               std::shared_ptr<const SurfaceFlood> flood, std::uint64_t stream)
       : mesh(m),
         options(o),
         radii(r),
         disks(std::make_shared<DiskSet>(box, r.min_of_set(), r.max_of_set(), std::move(flood))),
-        rng(seed) {
+        rng(stream) {
     if (r.constant()) report.radius = r.min();
-    report.seed = seed;
   }
   /// In the first stage all disks are balls: over a surface that leaves gaps where sheets are near each other, which the second
   /// stage fills; and nothing needs to be known of their reach until they lie in the order of a curve.
@@ -381,7 +397,8 @@ struct SamplingRound {
   const WantedRadii& radii;
   const SamplingSurface& surface;
   const Box& box;
-  std::uint64_t seed;
+  double density;                        ///< ∫dA/r², without bounds
+  std::uint64_t stream;                  ///< random_stream()
   const std::vector<RadiusCap>& limits;  ///< bounds of radii, beside `radii`
   const std::vector<FaceSample>* kept;   ///< of an earlier round, to begin with; null: darts are thrown
 };
@@ -390,13 +407,13 @@ struct SamplingRound {
 SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, const SamplingRound& round,
                       const Execution& execution) {
   const SamplingSurface& surface = round.surface;
-  const double density = round.radii.density_integral(total_area(mesh));
+  const double density = round.density;
   std::shared_ptr<CurveSamples> curves;
   const double curves_end = has_curves(surface) ? 0.05 : 0;
   if (curves_end > 0) {
     const CapField limits(round.limits, kCapGradation);
     CurveSamplingOptions along;
-    along.seed = round.seed;
+    along.seed = round.stream;
     if (!limits.empty()) along.limits = &limits;
     along.tips = &surface.tips;
     // What refinement asks for counts in the set as a whole.
@@ -416,12 +433,11 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
     if (!complete) {
       SamplingRun run;
       run.result.status = Outcome::kCancelled;
-      run.result.report.seed = round.seed;
       return run;
     }
   }
   BoundedRadii bounded = bounded_radii(round.radii, round.limits, curves.get(), round.box);
-  SamplingTask task(mesh, options, bounded.radii, round.box, surface.flood, round.seed);
+  SamplingTask task(mesh, options, bounded.radii, round.box, surface.flood, round.stream);
   if (curves != nullptr) {
     for (const CurveSample& on_curve : curves->samples) {
       if (round.kept != nullptr) {
@@ -459,7 +475,7 @@ class TopologyRefiner {
  public:
   /// `run`: that of `first`.
   TopologyRefiner(const MeshView& mesh, const SamplingOptions& options, const SamplingRound& first, SamplingRun& run)
-      : mesh_(mesh), options_(options), first_(first), run_(run), caps_(first.limits), rng_(first.seed + kSeedStride) {
+      : mesh_(mesh), options_(options), first_(first), run_(run), caps_(first.limits), rng_(first.stream + 1) {
     take_run();
   }
 
@@ -553,9 +569,10 @@ class TopologyRefiner {
   void start_anew(const Execution& execution) {
     const SamplingReport before = run_.result.report;
     const std::vector<FaceSample> kept = set_->on_faces();
-    SamplingRun next =
-        run_round(mesh_, options_, {first_.radii, first_.surface, first_.box, first_.seed, caps_.caps(), &kept}, execution);
+    const SamplingRound round{first_.radii, first_.surface, first_.box, first_.density, first_.stream, caps_.caps(), &kept};
+    SamplingRun next = run_round(mesh_, options_, round, execution);
     add_up(next.result.report, before);
+    next.result.report.seed = before.seed;
     next.result.report.darts = before.darts;
     next.result.report.refinements = before.refinements;
     // What was complete stays.
@@ -599,12 +616,19 @@ SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const
   require_feasible_radii(mesh, radii, box, options);
   constexpr double kRefinementShare = 0.1;
   const double refining = surface.preserve ? 1 - kRefinementShare : 1;
-  const SamplingRound round{radii, surface, box, seed, surface.limits, surface.kept.empty() ? nullptr : &surface.kept};
+  const double density = radii.density_integral(total_area(mesh));
+  const SamplingRound round{radii,
+                            surface,
+                            box,
+                            density,
+                            random_stream(seed, density),
+                            surface.limits,
+                            surface.kept.empty() ? nullptr : &surface.kept};
   SamplingRun run;
-  run.result.report.seed = seed;
   if (!completes([&] { run = run_round(mesh, options, round, execution.part(0, refining)); })) {
     run.result.status = Outcome::kCancelled;
   }
+  run.result.report.seed = seed;
   if (!surface.preserve || run.result.status != Outcome::kDone) return run;
   Stopwatch watch;
   const bool complete = completes(
@@ -663,12 +687,12 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingReport total;
   double first_scale = 0, first_count = 0;
-  bool helps = true;
+  bool helps = true, by_chance = false;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
     const double scale = model->scale();
     if (attempt == 1) first_scale = scale;
     // Where curves need most of the samples, larger disks on faces help little: the set stays larger than asked for.
-    if (surface.curves != nullptr && (scale > kMaxScaleBesideFixed * first_scale || !helps)) break;
+    if (surface.curves != nullptr && (scale > kMaxScaleBesideFixed * first_scale || !(helps || by_chance))) break;
     const WantedRadii radii =
         by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
@@ -697,7 +721,8 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
     if (miss(best) <= kTargetTolerance) break;
     // Curves need the samples that they need, whatever the radius.
-    if (attempt >= kMinTargetAttempts && (attempt * target > kTargetSamples || has_curves(surface))) break;
+    by_chance = miss(best) <= kNearTarget && attempt < kNearTargetAttempts && attempt * target <= kNearTargetSamples;
+    if (attempt >= kMinTargetAttempts && (attempt * target > kTargetSamples || (has_curves(surface) && !by_chance))) break;
   }
   SamplingReport& report = best.result.report;
   report.attempts = total.attempts;
@@ -774,7 +799,8 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
   const Box box = bounding_box(mesh);
   detail::require_feasible_radii(mesh, radii, box, options);
   const double density = radii.density_integral(total_area(mesh));
-  detail::SamplingTask task(mesh, options, radii, box, nullptr, options.seed);
+  detail::SamplingTask task(mesh, options, radii, box, nullptr, detail::random_stream(options.seed, density));
+  task.report.seed = options.seed;
   if (!detail::completes([&] { detail::run_darts(task, density, execution); })) task.status = Outcome::kCancelled;
   if (task.status == Outcome::kDone) execution.finish();
   return std::move(detail::finish_run(task, nullptr).result);
@@ -812,7 +838,9 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
   }
   detail::require_feasible_radii(mesh, radii, box, options);
   if (!radii.uniform()) detail::require_fitting_radii(radii.min_of_set(), radii.max_of_set(), box);
-  detail::SamplingTask task(mesh, options, radii, box, nullptr, options.seed);
+  const double density = radii.density_integral(total_area(mesh));
+  detail::SamplingTask task(mesh, options, radii, box, nullptr, detail::random_stream(options.seed, density));
+  task.report.seed = options.seed;
   task.set.add_all(existing);
   const bool complete = detail::completes([&] {
     constexpr double kDisksShare = 0.03;
