@@ -236,27 +236,24 @@ class RegularTriangulation {
   void finish_bulk(Index first, const std::vector<Index>& id_of_rank, const Execution& execution);
   Index insert_vertex(Index v, Index hint);
 
-  bool in_conflict_surely(Index c, const WeightedPoint& q) const;
+  /// Is q in conflict with the cell?
   bool in_conflict(Index c, const WeightedPoint& q) const {
-    const Cell& here = cells_[static_cast<std::size_t>(c)];
-    if (!here.ghost()) {
-      const WeightedPoint* const points = points_.data();
-      const WeightedPoint* const p[4] = {&points[here.vertex[0]], &points[here.vertex[1]], &points[here.vertex[2]], &points[here.vertex[3]]};
+    const Cell& here = cell(c);
+    if (!here.ghost()) {  // the first stage of the power test, without a branch that depends on its sign
+      const WeightedPoint* p[4];
+      for (std::size_t k = 0; k < 4; ++k) p[k] = &points_[static_cast<std::size_t>(here.vertex[k])];
       const double value = detail::PowerRows(p, q).determinant();
       if (std::fabs(value) > bounds_.power) return value > 0;
     }
-    return in_conflict_surely(c, q);
+    return decide_conflict(c, q);
   }
+  bool decide_conflict(Index c, const WeightedPoint& q) const;
   Index walk(const WeightedPoint& q, Index start, const detail::StaticBounds& bounds) const;
-  /// The search goes on there: a sixth of an insertion's time in a volume, a fifth on a torus.
-  void prefetch_neighbors(Index c) const {
-    for (const Index next : cell(c).neighbor) {
-      detail::prefetch(&cells_[static_cast<std::size_t>(next >> 2)]);
-      detail::prefetch(&mark_[static_cast<std::size_t>(next >> 2)]);
-    }
-  }
   void look() const;
   void dig_cavity(Index start, const WeightedPoint& q);
+  void start_cavity(Workspace& work, Index start);
+  static void make_room(Workspace& work, std::size_t entered, std::size_t found);
+  std::size_t test_cells(Workspace& work, std::size_t found, std::size_t count, const WeightedPoint& q);
   void collect_boundary(Workspace& work) const;
   void collect_cavity_vertices();
   Index fill_cavity(Workspace& work, Index v);
@@ -309,7 +306,7 @@ class RegularTriangulation {
   std::vector<WeightedPoint> points_;
   std::vector<VertexState> state_;
   std::vector<Index> vertex_cell_;  ///< visible: an incident cell; hidden: the cell whose interior or boundary contains it
-  Scratch<Cell> cells_;  ///< a dead cell has vertex[0] == kNone
+  Scratch<Cell> cells_;             ///< a dead cell has vertex[0] == kNone
   int dimension_ = -1;
   std::array<Index, 3> basis_{kNone, kNone, kNone};  ///< affinely independent points, dimension_ + 1 of them while < 3
   Index num_hidden_ = 0;
