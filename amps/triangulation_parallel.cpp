@@ -195,7 +195,7 @@ class RegularTriangulation::ParallelWorker {
 /// end, with the vertices left over in `rest`. Vertices and ranks are the same here.
 Index RegularTriangulation::insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve,
                                                const Execution& execution, std::vector<Index>& rest) {
-  constexpr Index kLeastPerThread = 8000;  // below, too much of a region is border
+  constexpr Index kLeastPerThread = 4000;  // below, too much of a region is border
   constexpr double kFirstPass = 0.9;       // of the time
   const Index count = end - begin;
   const Index workers_wanted = std::min(static_cast<Index>(std::min(execution.workers(), 256u)), count / kLeastPerThread);
