@@ -293,6 +293,8 @@ class RegularTriangulation {
   bool fill_hole_from_link(Index v);
   void detach_hidden(Index v);
 
+  template <class Visit>
+  void visit_edges(std::size_t begin, std::size_t end, const Visit& visit) const;
   std::string find_violation(int level, const Execution& execution) const;
   void hide(Index v, VertexState state);
   void attach_hidden(Index v, Index c);
