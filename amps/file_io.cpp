@@ -99,6 +99,39 @@ void fail_file(const std::filesystem::path& path, const std::string& what) {
 
 std::string system_message() { return std::error_code(errno != 0 ? errno : EIO, std::generic_category()).message(); }
 
+std::vector<std::string_view> text_pieces(std::string_view text, const Execution& run) {
+  constexpr char kFirstOfByteOrderMark = '\xEF';  // which readers skip where they start
+  std::vector<std::string_view> pieces;
+  while (text.size() > kTextPiece) {
+    run.check();
+    std::size_t end = kTextPiece;
+    for (; end < text.size(); ++end) {
+      const bool ends_line = text[end - 1] == '\n' || (text[end - 1] == '\r' && text[end] != '\n');
+      if (!ends_line || text[end] == kFirstOfByteOrderMark) continue;
+      const std::size_t last = text[end - 1] == '\n' && text[end - 2] == '\r' ? end - 3 : end - 2;
+      if (text[last] != '\\') break;
+    }
+    pieces.push_back(text.substr(0, end));
+    text.remove_prefix(end);
+  }
+  if (!text.empty()) pieces.push_back(text);
+  return pieces;
+}
+
+RowPieces::RowPieces(const IoSource& source, const char* from, std::int64_t num_rows) : rows(num_rows) {
+  pieces = text_pieces({from, static_cast<std::size_t>(source.end() - from)}, source.run);
+  ends.resize(pieces.size());
+  parallel_for(pieces.size(), 1, source.run, [&](std::size_t k, std::size_t) {
+    const bool ends_in_line = k + 1 == pieces.size() && pieces[k].back() != '\n';
+    ends[k] = std::count(pieces[k].begin(), pieces[k].end(), '\n') + (ends_in_line ? 1 : 0);
+  });
+  std::int64_t total = 0;
+  for (std::int64_t& end : ends) {
+    total += end;
+    end = std::min(total, rows);
+  }
+}
+
 std::string lower_extension(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
   for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;

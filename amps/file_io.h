@@ -14,6 +14,7 @@
 #include <iosfwd>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace amps {
 namespace detail {
@@ -193,6 +194,58 @@ inline constexpr std::size_t kBytesPerPiece = std::size_t{1} << 22;
 
 /// Rows formatted between two looks: some milliseconds.
 inline constexpr std::uint64_t kRowsPerLook = 1 << 13;
+
+/// Text that a thread parses at a time: some milliseconds.
+inline constexpr std::size_t kTextPiece = std::size_t{1} << 18;
+
+/// Is what is left of a text from `from` on to be read in pieces?
+inline bool worth_pieces(const IoSource& source, const char* from) {
+  return source.run.workers() > 1 && static_cast<std::size_t>(source.end() - from) > kTextPiece;
+}
+
+/// Cuts the text into pieces of about kTextPiece, each of whole lines: behind an end of a line that no backslash takes away.
+std::vector<std::string_view> text_pieces(std::string_view text, const Execution& run);
+
+/// What is left of a text from `from` on, in pieces, if each line holds one row of a table of so many rows. Whether it does
+/// shows when they are read: then no piece has more content than its rows, and none has less.
+struct RowPieces {
+  std::vector<std::string_view> pieces;
+  std::vector<std::int64_t> ends;  ///< by piece: ends of lines up to there, at most `rows`
+  std::int64_t rows;
+
+  RowPieces(const IoSource& source, const char* from, std::int64_t num_rows);
+
+  /// Are there enough lines?
+  bool complete() const { return !ends.empty() && ends.back() == rows; }
+  std::int64_t first_row(std::size_t piece) const { return piece == 0 ? 0 : ends[piece - 1]; }
+};
+
+/// Thrown out of a piece that cannot be read by itself.
+struct NotByItself {};
+
+/// Runs parse(k, source of piece k) for pieces of a text, on all threads. False if one of them is NotByItself or throws an
+/// Error(kFileFormat): then the text has to be read from its beginning, which finds out what is wrong and in which line.
+template <class Parse>
+bool parse_pieces(const IoSource& source, const std::vector<std::string_view>& pieces, const Parse& parse) {
+  const Execution looking = source.run.part(0, 0);  // pieces look for a cancel, and report when they are done
+  WorkCounter done(source.run, source.data.size());
+  try {
+    parallel_for(pieces.size(), 1, source.run, [&](std::size_t number, std::size_t) {
+      // From the end, where faces are: they are more likely to be out of the ordinary.
+      const std::size_t k = pieces.size() - 1 - number;
+      try {
+        parse(k, IoSource{pieces[k], source.name, looking});
+      } catch (const Error& error) {
+        if (error.code() != ErrorCode::kFileFormat) throw;
+        throw NotByItself();
+      }
+      done.add(pieces[k].size());
+    });
+  } catch (const NotByItself&) {
+    return false;
+  }
+  return true;
+}
 
 /// The extension of a file name, with its dot, in lower case.
 std::string lower_extension(const std::filesystem::path& path);

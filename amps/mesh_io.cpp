@@ -62,11 +62,10 @@ struct ObjGreatest {
 
 constexpr const char* kNoObj = "no line \"v x y z\" in it; it is not an OBJ file";
 
-Mesh parse_obj(const IoSource& source) {
-  MeshBuilder builder(source);
+/// The whole file, or a piece of it, where no vertex is known that may be counted back from.
+void parse_obj_lines(const IoSource& source, bool whole, MeshBuilder& builder, ObjGreatest& greatest) {
   TextCursor text(source);
   text.continuation = true;
-  ObjGreatest greatest;
   std::vector<Index> corners;
   while (text.next_content()) {
     const char* const line = text.p;
@@ -76,11 +75,34 @@ Mesh parse_obj(const IoSource& source) {
       read_coordinates(text, line, xyz, "an OBJ file");  // a weight or colour behind them is skipped
       builder.add_vertex(xyz);
     } else if (keyword == "f") {
-      read_obj_indices(text, builder.num_vertices(), "face", corners);
+      read_obj_indices(text, whole ? builder.num_vertices() : 0, "face", corners);
       greatest.meet(corners, line);
       builder.add_polygon(corners);
     }
     text.skip_line();
+  }
+}
+
+/// On all threads. False, and nothing read, if there is anything in it that is wrong or needs what is before its piece.
+bool parse_obj_in_pieces(const IoSource& source, MeshBuilder& builder, ObjGreatest& greatest) {
+  const std::vector<std::string_view> pieces = text_pieces(source.data, source.run);
+  std::vector<MeshBuilder> builders(pieces.size(), MeshBuilder(source));
+  std::vector<ObjGreatest> greatests(pieces.size());
+  const bool complete = parse_pieces(
+      source, pieces, [&](std::size_t k, const IoSource& piece) { parse_obj_lines(piece, false, builders[k], greatests[k]); });
+  if (!complete) return false;
+  builder.append_all(builders);
+  for (const ObjGreatest& of_piece : greatests) {
+    if (of_piece.index > greatest.index) greatest = of_piece;
+  }
+  return true;
+}
+
+Mesh parse_obj(const IoSource& source) {
+  MeshBuilder builder(source);
+  ObjGreatest greatest;
+  if (!worth_pieces(source, source.begin()) || !parse_obj_in_pieces(source, builder, greatest)) {
+    parse_obj_lines(source, true, builder, greatest);
   }
   if (builder.num_vertices() == 0) source.fail(kNoObj);
   greatest.require_below(builder.num_vertices(), source, "face");
@@ -267,28 +289,24 @@ Mesh parse_binary_off(TextCursor& text, const OffHeader& header) {
   return builder.finish();
 }
 
-Mesh parse_off(const IoSource& source) {
-  TextCursor text(source);
-  const OffHeader header = read_off_header(text);
-  if (header.binary) return parse_binary_off(text, header);
-  require_plausible(source, header.vertices, header.faces, 6, 2, source.end() - text.p + 1);
-  MeshBuilder builder(source);
-  builder.reserve(static_cast<std::size_t>(header.vertices), static_cast<std::size_t>(header.faces));
+/// Reads lines from `row` up to `end`: of a vertex each, then of a face each.
+void parse_off_rows(TextCursor& text, const OffHeader& header, std::int64_t row, std::int64_t end, MeshBuilder& builder) {
+  const IoSource& source = text.source;
   const auto next_line = [&](const char* what, std::int64_t done, std::int64_t wanted) {
     if (text.next_content()) return text.p;
     source.fail("its header promises " + std::to_string(wanted) + " " + what + ", but it ends after " + std::to_string(done) +
                 "; the file is cut short");
   };
-  for (std::int64_t v = 0; v < header.vertices; ++v) {
-    const char* const line = next_line("vertices", v, header.vertices);
+  for (; row < std::min(header.vertices, end); ++row) {
+    const char* const line = next_line("vertices", row, header.vertices);
     double xyz[3];
     read_coordinates(text, line, xyz, "an OFF file");  // normals, colours, texture coordinates behind them are skipped
     builder.add_vertex(xyz);
     text.skip_line();
   }
   std::vector<Index> corners;
-  for (std::int64_t f = 0; f < header.faces; ++f) {
-    const char* const line = next_line("faces", f, header.faces);
+  for (; row < end; ++row) {
+    const char* const line = next_line("faces", row - header.vertices, header.faces);
     const auto next_integer = [&](std::int64_t& value) {
       const std::string_view number = text.token();
       const char* p = number.data();
@@ -313,6 +331,34 @@ Mesh parse_off(const IoSource& source) {
     }
     builder.add_polygon(corners);
     text.skip_line();  // a colour may follow
+  }
+}
+
+/// On all threads, if there is one row to a line. False, and nothing read, if there is not, or anything is wrong.
+bool parse_off_in_pieces(const TextCursor& text, const OffHeader& header, MeshBuilder& builder) {
+  const IoSource& source = text.source;
+  const std::int64_t rows = header.vertices + header.faces;
+  RowPieces cut(source, text.p, rows);
+  if (!cut.complete()) return false;
+  std::vector<MeshBuilder> builders(cut.pieces.size(), MeshBuilder(source));
+  const bool complete = parse_pieces(source, cut.pieces, [&](std::size_t k, const IoSource& piece) {
+    TextCursor lines(piece);
+    parse_off_rows(lines, header, cut.first_row(k), cut.first_row(k + 1), builders[k]);
+    if (cut.first_row(k + 1) < rows && lines.next_content()) throw NotByItself();
+  });
+  if (complete) builder.append_all(builders);
+  return complete;
+}
+
+Mesh parse_off(const IoSource& source) {
+  TextCursor text(source);
+  const OffHeader header = read_off_header(text);
+  if (header.binary) return parse_binary_off(text, header);
+  require_plausible(source, header.vertices, header.faces, 6, 2, source.end() - text.p + 1);
+  MeshBuilder builder(source);
+  builder.reserve(static_cast<std::size_t>(header.vertices), static_cast<std::size_t>(header.faces));
+  if (!worth_pieces(source, text.p) || !parse_off_in_pieces(text, header, builder)) {
+    parse_off_rows(text, header, 0, header.vertices + header.faces, builder);
   }
   return builder.finish();
 }
@@ -432,7 +478,7 @@ Mesh parse_stl(const IoSource& source) {
 // Writing meshes
 
 /// Three doubles as text take so many times as long as three indices.
-constexpr std::uint64_t kVertexTextCost = 4;
+constexpr double kVertexTextCost = 4;
 
 /// Room for a line of text: most fit. To copy what is written because it outgrows its room would take long.
 constexpr std::size_t kVertexTextBytes = 64, kFacetTextBytes = 28, kLabelTextBytes = 6;
@@ -502,29 +548,57 @@ void append_row(std::string& out, const char* prefix, const std::array<Index, 3>
   out += '\n';
 }
 
+/// Appends row(text, k) for k in [0, n), some `row_bytes` each, on all threads: pieces of rows are written side by side, some
+/// at a time, so that they stay in the caches until they are put together.
+template <class Row>
+void append_rows(std::string& out, std::size_t n, std::size_t row_bytes, const Execution& run, const Row& row) {
+  constexpr std::size_t kPiecesPerWorker = 4;
+  const std::size_t workers = run.workers();
+  if (workers == 1 || n <= kRowsPerLook) {
+    for_each_piece(n, kRowsPerLook, run, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) row(out, k);
+    });
+    return;
+  }
+  std::vector<std::string> texts(kPiecesPerWorker * workers);
+  for_each_piece(n, texts.size() * kRowsPerLook, run, [&](std::size_t begin, std::size_t end) {
+    parallel_for(end - begin, kRowsPerLook, run, [&](std::size_t from, std::size_t to) {
+      std::string& text = texts[from / kRowsPerLook];
+      text.clear();
+      text.reserve(row_bytes * (to - from));
+      for (std::size_t k = begin + from; k < begin + to; ++k) row(text, k);
+    });
+    for (std::size_t from = begin; from < end; from += kRowsPerLook) out += texts[(from - begin) / kRowsPerLook];
+  });
+}
+
+/// The part of the time that vertices take, where a facet takes 1.
+double share_of_vertices(const MeshView& mesh, double vertex_cost) {
+  const double vertices = vertex_cost * mesh.num_vertices();
+  return vertices / std::max(vertices + mesh.num_facets(), 1.0);
+}
+
 std::string format_stl(const MeshView& mesh, const Execution& run) {
+  constexpr std::size_t kFacetBytes = 50;
   std::string out = "binary STL by amps";  // must not start with "solid"
   out.resize(80, ' ');
   append_little_endian<std::uint32_t>(out, static_cast<std::uint32_t>(mesh.num_facets()));
-  out.reserve(84 + 50 * static_cast<std::size_t>(mesh.num_facets()));
+  out.reserve(84 + kFacetBytes * slot(mesh.num_facets()));
   const Points normals = facet_normals(mesh, run.part(0, 0.3));
-  Ticker ticker(run.part(0.3, 1), slot(mesh.num_facets()), kRowsPerLook);
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
-    for (int k = 0; k < 3; ++k) append_float(out, normals(f, k));
+  append_rows(out, slot(mesh.num_facets()), kFacetBytes, run.part(0.3, 1), [&](std::string& text, std::size_t row) {
+    const auto f = static_cast<Index>(row);
+    for (int k = 0; k < 3; ++k) append_float(text, normals(f, k));
     for (int corner = 0; corner < 3; ++corner) {
-      for (int k = 0; k < 3; ++k) append_float(out, mesh.vertices(mesh.triangles(f, corner), k));
+      for (int k = 0; k < 3; ++k) append_float(text, mesh.vertices(mesh.triangles(f, corner), k));
     }
-    out.append(2, '\0');
-    ticker.tick();
-  }
+    text.append(2, '\0');
+  });
   return out;
 }
 
 std::string format_ply(const MeshView& mesh, const MeshWriteOptions& options, const Execution& run) {
   const bool ascii = options.ascii_ply, labelled = !options.labels.empty();
   const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
-  const std::uint64_t vertex_cost = ascii ? kVertexTextCost : 1;
-  Ticker ticker(run, vertex_cost * num_vertices + num_facets, kRowsPerLook);
   std::string out = "ply\nformat ";
   out += ascii ? "ascii" : "binary_little_endian";
   out += " 1.0\nelement vertex " + std::to_string(mesh.vertices.rows());
@@ -532,31 +606,29 @@ std::string format_ply(const MeshView& mesh, const MeshWriteOptions& options, co
   out += "\nproperty list uchar int vertex_indices\n";
   if (labelled) out += "property int " + options.label_name + '\n';
   out += "end_header\n";
-  const std::size_t facet_bytes = ascii ? kFacetTextBytes : 13, label_bytes = ascii ? kLabelTextBytes : 4;
-  out.reserve(out.size() + (ascii ? kVertexTextBytes : 24) * num_vertices +
-              (facet_bytes + (labelled ? label_bytes : 0)) * num_facets);
-  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
-    ticker.tick(vertex_cost);
+  const std::size_t vertex_bytes = ascii ? kVertexTextBytes : 24;
+  const std::size_t facet_bytes = (ascii ? kFacetTextBytes : 13) + (labelled ? (ascii ? kLabelTextBytes : 4) : 0);
+  out.reserve(out.size() + vertex_bytes * num_vertices + facet_bytes * num_facets);
+  const double share = share_of_vertices(mesh, ascii ? kVertexTextCost : 1);
+  append_rows(out, num_vertices, vertex_bytes, run.part(0, share), [&](std::string& text, std::size_t row) {
+    const Vec3 x = mesh.vertices[static_cast<std::ptrdiff_t>(row)];
+    if (ascii) return append_row(text, "", x);
+    for (int k = 0; k < 3; ++k) append_little_endian<std::uint64_t>(text, x[k]);
+  });
+  append_rows(out, num_facets, facet_bytes, run.part(share, 1), [&](std::string& text, std::size_t row) {
+    const auto f = static_cast<std::ptrdiff_t>(row);
     if (ascii) {
-      append_row(out, "", mesh.vertices[v]);
+      append_row(text, "3 ", mesh.triangles[f], 0);
+      if (!labelled) return;
+      text.back() = ' ';
+      append_number(text, std::int64_t{options.labels[row]});
+      text += '\n';
     } else {
-      for (int k = 0; k < 3; ++k) append_little_endian<std::uint64_t>(out, mesh.vertices(v, k));
+      text += '\3';
+      for (int k = 0; k < 3; ++k) append_little_endian<std::uint32_t>(text, mesh.triangles(f, k));
+      if (labelled) append_little_endian<std::uint32_t>(text, options.labels[row]);
     }
-  }
-  for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
-    ticker.tick();
-    if (ascii) {
-      append_row(out, "3 ", mesh.triangles[f], 0);
-      if (!labelled) continue;
-      out.back() = ' ';
-      append_number(out, std::int64_t{options.labels[static_cast<std::size_t>(f)]});
-      out += '\n';
-    } else {
-      out += '\3';
-      for (int k = 0; k < 3; ++k) append_little_endian<std::uint32_t>(out, mesh.triangles(f, k));
-      if (labelled) append_little_endian<std::uint32_t>(out, options.labels[static_cast<std::size_t>(f)]);
-    }
-  }
+  });
   return out;
 }
 
@@ -574,22 +646,23 @@ std::vector<std::size_t> group_by_group(const std::vector<Index>& labels) {
 std::string format_obj(const MeshView& mesh, const MeshWriteOptions& options, const Execution& run) {
   const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
   const std::size_t num_marks = options.edges.size() + options.vertices.size();
-  Ticker ticker(run, kVertexTextCost * num_vertices + num_facets + num_marks, kRowsPerLook);
+  const double vertices = kVertexTextCost * static_cast<double>(num_vertices), facets = static_cast<double>(num_facets);
+  const double all = std::max(vertices + facets + static_cast<double>(num_marks), 1.0);
   std::string out;
   out.reserve(kVertexTextBytes * num_vertices + kFacetTextBytes * (num_facets + num_marks));
-  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
-    ticker.tick(kVertexTextCost);
-    append_row(out, "v ", mesh.vertices[v]);
-  }
+  append_rows(out, num_vertices, kVertexTextBytes, run.part(0, vertices / all), [&](std::string& text, std::size_t row) {
+    append_row(text, "v ", mesh.vertices[static_cast<std::ptrdiff_t>(row)]);
+  });
   const std::vector<std::size_t> order = group_by_group(options.labels);
-  for (std::size_t k = 0; k < num_facets; ++k) {
-    ticker.tick();
+  const Execution writing_facets = run.part(vertices / all, (vertices + facets) / all);
+  append_rows(out, num_facets, kFacetTextBytes, writing_facets, [&](std::string& text, std::size_t k) {
     const std::size_t f = order.empty() ? k : order[k];
     if (!order.empty() && (k == 0 || options.labels[f] != options.labels[order[k - 1]])) {
-      out += "g " + options.label_name + '_' + std::to_string(options.labels[f]) + '\n';
+      text += "g " + options.label_name + '_' + std::to_string(options.labels[f]) + '\n';
     }
-    append_row(out, "f ", mesh.triangles[static_cast<std::ptrdiff_t>(f)], 1);
-  }
+    append_row(text, "f ", mesh.triangles[static_cast<std::ptrdiff_t>(f)], 1);
+  });
+  Ticker ticker(run.part((vertices + facets) / all, 1), num_marks, kRowsPerLook);
   if (!options.edges.empty()) out += "g edges\n";
   for (const std::array<Index, 2>& edge : options.edges) {
     ticker.tick();
@@ -605,17 +678,15 @@ std::string format_obj(const MeshView& mesh, const MeshWriteOptions& options, co
 
 std::string format_off(const MeshView& mesh, const Execution& run) {
   const std::size_t num_vertices = slot(mesh.num_vertices()), num_facets = slot(mesh.num_facets());
-  Ticker ticker(run, kVertexTextCost * num_vertices + num_facets, kRowsPerLook);
   std::string out = "OFF\n" + std::to_string(num_vertices) + ' ' + std::to_string(num_facets) + " 0\n";
   out.reserve(out.size() + kVertexTextBytes * num_vertices + kFacetTextBytes * num_facets);
-  for (std::ptrdiff_t v = 0; v < mesh.vertices.rows(); ++v) {
-    ticker.tick(kVertexTextCost);
-    append_row(out, "", mesh.vertices[v]);
-  }
-  for (std::ptrdiff_t f = 0; f < mesh.triangles.rows(); ++f) {
-    ticker.tick();
-    append_row(out, "3 ", mesh.triangles[f], 0);
-  }
+  const double share = share_of_vertices(mesh, kVertexTextCost);
+  append_rows(out, num_vertices, kVertexTextBytes, run.part(0, share), [&](std::string& text, std::size_t row) {
+    append_row(text, "", mesh.vertices[static_cast<std::ptrdiff_t>(row)]);
+  });
+  append_rows(out, num_facets, kFacetTextBytes, run.part(share, 1), [&](std::string& text, std::size_t row) {
+    append_row(text, "3 ", mesh.triangles[static_cast<std::ptrdiff_t>(row)], 0);
+  });
   return out;
 }
 

@@ -12,6 +12,7 @@
 #include <limits>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace amps::detail {
@@ -38,6 +39,29 @@ class MeshBuilder {
 
   /// Instead of add_vertex().
   void set_coordinates(std::vector<double> coordinates) { coordinates_ = std::move(coordinates); }
+
+  /// As if what the others hold had been added here, one after the other. Leaves them empty.
+  void append_all(std::vector<MeshBuilder>& others) {
+    std::size_t coordinates = coordinates_.size(), indices = indices_.size();
+    for (const MeshBuilder& other : others) {
+      coordinates += other.coordinates_.size();
+      indices += other.indices_.size();
+    }
+    coordinates_.reserve(coordinates);
+    indices_.reserve(indices);
+    for (MeshBuilder& added : others) {
+      source_.run.check();
+      const MeshBuilder other = std::move(added);  // its memory goes when it is done
+      for (const Other& face : other.others_) {
+        others_.push_back({num_faces_ + face.face, indices_.size() / 3 + face.triangles_before,
+                           corners_.size() + face.first_corner, face.size});
+      }
+      coordinates_.insert(coordinates_.end(), other.coordinates_.begin(), other.coordinates_.end());
+      indices_.insert(indices_.end(), other.indices_.begin(), other.indices_.end());
+      corners_.insert(corners_.end(), other.corners_.begin(), other.corners_.end());
+      num_faces_ += other.num_faces_;
+    }
+  }
 
   /// Leaves the builder empty.
   Mesh finish() {
@@ -175,6 +199,7 @@ class PlyReader {
       content.num_vertices = element.count;
     }
     if (vertex_elements != 1) source_.fail("its header does not name one element vertex; it is not a PLY file amps can read");
+    if (read_in_pieces(wanted, content, builder)) return content;
     for (const PlyElement& element : header_.elements) {
       require_room(element);
       if (element.name == "vertex") {
@@ -276,6 +301,46 @@ class PlyReader {
       }
     }
     if (!has_format) fail_header("no format ascii, binary_little_endian or binary_big_endian");
+  }
+
+  // Vertices and then faces in text, a line each, on all threads. False, and nothing read, if it is other, or if anything is
+  // wrong. Values may be on any lines: but where each piece has the values of as many rows as it has lines, no more and no
+  // less, the rows are the same.
+  bool read_in_pieces(const std::vector<std::string>& wanted, PlyContent& content, MeshBuilder& builder) {
+    if (!header_.ascii || !worth_pieces(source_, text_.p) || header_.elements.size() != 2) return false;
+    const PlyElement &vertices = header_.elements[0], &faces = header_.elements[1];
+    if (vertices.name != "vertex" || faces.name != "face" || vertices.properties.empty() || faces.properties.empty())
+      return false;
+    require_room(vertices);
+    const std::int64_t left = source_.end() - text_.p;
+    if (faces.count > left) return false;
+    const RowPieces cut(source_, text_.p, vertices.count + faces.count);
+    if (!cut.complete()) return false;
+    std::vector<MeshBuilder> builders(cut.pieces.size(), MeshBuilder(source_));
+    std::vector<PlyContent> contents(cut.pieces.size());
+    const bool complete = parse_pieces(source_, cut.pieces, [&](std::size_t k, const IoSource& piece) {
+      PlyReader reader(piece);
+      reader.header_.ascii = true;
+      PlyElement some_vertices = vertices, some_faces = faces;
+      const std::int64_t begin = std::min(cut.first_row(k), vertices.count);
+      some_vertices.count = std::min(cut.first_row(k + 1), vertices.count) - begin;
+      some_faces.count = cut.first_row(k + 1) - cut.first_row(k) - some_vertices.count;
+      contents[k].found.assign(wanted.size(), false);
+      reader.read_vertices(some_vertices, wanted, contents[k]);
+      reader.read_faces(some_faces, vertices.count, builders[k]);
+      if (cut.first_row(k + 1) < cut.rows && reader.text_.next_content()) throw NotByItself();
+    });
+    if (!complete) return false;
+    content.found = contents[0].found;
+    content.values.reserve(static_cast<std::size_t>(vertices.count) * wanted.size());
+    content.at.reserve(static_cast<std::size_t>(vertices.count));
+    for (const PlyContent& some : contents) {
+      source_.run.check();
+      content.values.insert(content.values.end(), some.values.begin(), some.values.end());
+      content.at.insert(content.at.end(), some.at.begin(), some.at.end());
+    }
+    builder.append_all(builders);
+    return true;
   }
 
   // Refuses counts the rest of the file cannot hold. In text every value takes two bytes, but for the last.

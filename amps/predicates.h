@@ -221,7 +221,7 @@ int orient3d(const WeightedPoint& a, const WeightedPoint& b, const WeightedPoint
   const double m[3][3] = {
       {b.x - a.x, b.y - a.y, b.z - a.z}, {c.x - a.x, c.y - a.y, c.z - a.z}, {d.x - a.x, d.y - a.y, d.z - a.z}};
   const double value = detail::determinant3(m[0], m[1], m[2]);
-  if (value > bounds.orientation || -value > bounds.orientation) {
+  if (std::fabs(value) > bounds.orientation) {  // one branch, which can be predicted: the sign cannot
     tally.count(Stage::kStatic);
     return value > 0 ? 1 : -1;
   }
@@ -256,7 +256,7 @@ int power_test(const WeightedPoint& p0, const WeightedPoint& p1, const WeightedP
   const WeightedPoint* const p[4] = {&p0, &p1, &p2, &p3};
   const detail::PowerRows rows(p, q);
   const double value = rows.determinant();
-  if (value > bounds.power || -value > bounds.power) {
+  if (std::fabs(value) > bounds.power) {  // as above
     tally.count(Stage::kStatic);
     return value > 0 ? 1 : -1;
   }

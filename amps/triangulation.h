@@ -205,12 +205,15 @@ class RegularTriangulation {
     std::uint64_t edge;  ///< its vertices
     Index face;          ///< 4·cell + face of the new cell
   };
+  template <class T>
+  using Scratch = std::vector<T, detail::UninitializedAllocator<T>>;
   /// Scratch of one insertion, kept for its capacity; one per thread.
   struct Workspace {
-    std::vector<Index> conflict;          ///< the cavity
-    std::vector<BoundaryFacet> boundary;  ///< and what is around it
-    std::vector<Index> free_cells;        ///< dead cells to use again
-    std::vector<std::uint32_t> local;     ///< by vertex + 2: stamp of the last use, and the vertex's number in it
+    Scratch<Index> conflict;           ///< the cavity
+    Scratch<BoundaryFacet> boundary;   ///< and what is around it
+    Scratch<Index> untested;           ///< of the cells around the part of it that is known so far
+    std::vector<Index> free_cells;     ///< dead cells to use again
+    std::vector<std::uint32_t> local;  ///< by vertex + 2: stamp of the last use, and the vertex's number in it
     std::uint32_t stamp = 0;
     std::vector<OpenEdge> open_edges;
     Index next_cell = 0, end_cell = 0;  ///< unused cells set aside for this thread
@@ -233,17 +236,25 @@ class RegularTriangulation {
   void finish_bulk(Index first, const std::vector<Index>& id_of_rank, const Execution& execution);
   Index insert_vertex(Index v, Index hint);
 
-  bool in_conflict(Index c, const WeightedPoint& q) const;
-  Index walk(const WeightedPoint& q, Index start, const detail::StaticBounds& bounds) const;
-  /// The search goes on there: a sixth of an insertion's time in a volume, a fifth on a torus.
-  void prefetch_neighbors(Index c) const {
-    for (const Index next : cell(c).neighbor) {
-      detail::prefetch(&cells_[static_cast<std::size_t>(next >> 2)]);
-      detail::prefetch(&mark_[static_cast<std::size_t>(next >> 2)]);
+  /// Is q in conflict with the cell?
+  bool in_conflict(Index c, const WeightedPoint& q) const {
+    const Cell& here = cell(c);
+    if (!here.ghost()) {  // the first stage of the power test, without a branch that depends on its sign
+      const WeightedPoint* p[4];
+      for (std::size_t k = 0; k < 4; ++k) p[k] = &points_[static_cast<std::size_t>(here.vertex[k])];
+      const double value = detail::PowerRows(p, q).determinant();
+      if (std::fabs(value) > bounds_.power) return value > 0;
     }
+    return decide_conflict(c, q);
   }
+  bool decide_conflict(Index c, const WeightedPoint& q) const;
+  Index walk(const WeightedPoint& q, Index start, const detail::StaticBounds& bounds) const;
   void look() const;
   void dig_cavity(Index start, const WeightedPoint& q);
+  void start_cavity(Workspace& work, Index start);
+  static void make_room(Workspace& work, std::size_t entered, std::size_t found);
+  std::size_t test_cells(Workspace& work, std::size_t found, std::size_t count, const WeightedPoint& q);
+  void collect_boundary(Workspace& work) const;
   void collect_cavity_vertices();
   Index fill_cavity(Workspace& work, Index v);
   void glue_small_star(Workspace& work);
@@ -282,6 +293,8 @@ class RegularTriangulation {
   bool fill_hole_from_link(Index v);
   void detach_hidden(Index v);
 
+  template <class Visit>
+  void visit_edges(std::size_t begin, std::size_t end, const Visit& visit) const;
   std::string find_violation(int level, const Execution& execution) const;
   void hide(Index v, VertexState state);
   void attach_hidden(Index v, Index c);
@@ -295,7 +308,7 @@ class RegularTriangulation {
   std::vector<WeightedPoint> points_;
   std::vector<VertexState> state_;
   std::vector<Index> vertex_cell_;  ///< visible: an incident cell; hidden: the cell whose interior or boundary contains it
-  std::vector<Cell, detail::UninitializedAllocator<Cell>> cells_;  ///< a dead cell has vertex[0] == kNone
+  Scratch<Cell> cells_;             ///< a dead cell has vertex[0] == kNone
   int dimension_ = -1;
   std::array<Index, 3> basis_{kNone, kNone, kNone};  ///< affinely independent points, dimension_ + 1 of them while < 3
   Index num_hidden_ = 0;

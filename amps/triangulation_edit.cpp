@@ -207,7 +207,7 @@ void RegularTriangulation::open_hole(Index v) {
 
 /// The cells around v, in work_.conflict. As incident_cells, with marks instead of a set.
 void RegularTriangulation::collect_star(Index v) {
-  std::vector<Index>& star = work_.conflict;
+  Scratch<Index>& star = work_.conflict;
   star.assign(1, vertex_cell_[slot(v)]);
   mark_[slot(star.front())] = kInConflict;
   for (std::size_t k = 0; k < star.size(); ++k) {

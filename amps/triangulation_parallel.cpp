@@ -130,38 +130,42 @@ class RegularTriangulation::ParallelWorker {
     }
   }
 
-  /// As the sequential one; false if the cavity takes in a cell that is not its own.
+  /// As the sequential one; false if the cavity takes in a cell that is not its own. Cells that are nobody's are not marked.
   bool dig_cavity(Index start, const WeightedPoint& q) {
-    work_.conflict.assign(1, start);
-    work_.boundary.clear();
-    t_.mark_[slot(start)] = kInConflict;
-    for (std::size_t k = 0; k < work_.conflict.size(); ++k) {
-      const Index c = work_.conflict[k];
-      for (int f = 0; f < 4; ++f) {
-        const Index beyond = t_.cell(c).neighbor[slot(f)];
-        if (!owns(t_.cell(beyond >> 2).vertex[slot(beyond & 3)])) {
-          if (t_.in_conflict(beyond >> 2, q)) return false;
-          work_.boundary.push_back({4 * c + f, beyond});
-          continue;
-        }
-        std::uint8_t& mark = t_.mark_[slot(beyond >> 2)];
-        if (mark == kUntested) {
-          mark = t_.in_conflict(beyond >> 2, q) ? kInConflict : kOutside;
-          if (mark == kInConflict) {
-            work_.conflict.push_back(beyond >> 2);
-            t_.prefetch_neighbors(beyond >> 2);
+    const Cell* const cells = t_.cells_.data();
+    std::uint8_t* const mark = t_.mark_.data();
+    t_.start_cavity(work_, start);
+    for (std::size_t entered = 0, found = 1; entered < found;) {
+      make_room(work_, entered, found);
+      std::size_t count = 0;
+      for (; entered < found; ++entered) {
+        for (const Index face : cells[slot(work_.conflict[entered])].neighbor) {
+          const Index beyond = face >> 2;
+          if (!owns(cells[slot(beyond)].vertex[slot(face & 3)])) {
+            if (!t_.in_conflict(beyond, q)) continue;
+            work_.conflict.resize(found);
+            return false;
           }
+          const std::uint8_t before = mark[slot(beyond)];
+          work_.untested[count] = beyond;
+          count += before == kUntested;
+          mark[slot(beyond)] = before == kInConflict ? before : std::uint8_t{kOutside};
         }
-        if (mark == kOutside) work_.boundary.push_back({4 * c + f, beyond});
       }
+      found = t_.test_cells(work_, found, count, q);
+      if (entered == found) work_.conflict.resize(found);
     }
+    t_.collect_boundary(work_);
     return true;
   }
 
+  /// Of the cells in conflict and those around them. Nobody's are never written to.
   void clear_marks() {
-    for (const Index c : work_.conflict) t_.mark_[slot(c)] = kUntested;
-    for (const BoundaryFacet& facet : work_.boundary) {
-      if (t_.mark_[slot(facet.outside >> 2)] != kUntested) t_.mark_[slot(facet.outside >> 2)] = kUntested;
+    for (const Index c : work_.conflict) {
+      t_.mark_[slot(c)] = kUntested;
+      for (const Index face : t_.cell(c).neighbor) {
+        if (t_.mark_[slot(face >> 2)] != kUntested) t_.mark_[slot(face >> 2)] = kUntested;
+      }
     }
   }
 
@@ -191,7 +195,7 @@ class RegularTriangulation::ParallelWorker {
 /// end, with the vertices left over in `rest`. Vertices and ranks are the same here.
 Index RegularTriangulation::insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve,
                                                const Execution& execution, std::vector<Index>& rest) {
-  constexpr Index kLeastPerThread = 8000;  // below, too much of a region is border
+  constexpr Index kLeastPerThread = 4000;  // below, too much of a region is border
   constexpr double kFirstPass = 0.9;       // of the time
   const Index count = end - begin;
   const Index workers_wanted = std::min(static_cast<Index>(std::min(execution.workers(), 256u)), count / kLeastPerThread);

@@ -5,6 +5,8 @@
 #include "amps/execution.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdint>
 #include <string>
 #include <utility>
 
@@ -114,49 +116,119 @@ void RegularTriangulation::neighbors(Index v, std::vector<Index>& out) const {
   out.erase(std::unique(out.begin(), out.end()), out.end());
 }
 
+namespace detail {
+namespace {
+
+/// Edges of a cell, as pairs of corners, that lie in two faces of a set of its faces each.
+struct CellEdges {
+  std::uint8_t count = 0;
+  std::array<std::array<std::uint8_t, 2>, 6> corner{};
+};
+
+/// By set of faces, a bit each. Of ghosts only the finite edges: those of the face opposite to corner 3.
+constexpr std::array<CellEdges, 16> edges_between_faces(bool ghost) {
+  std::array<CellEdges, 16> result{};
+  for (unsigned faces = 0; faces < 16; ++faces) {
+    for (unsigned i = 0; i < 4; ++i) {
+      for (unsigned j = i + 1; j < (ghost ? 3u : 4u); ++j) {
+        // A face has the number of the corner that is not on it.
+        const unsigned other_faces = 15u & ~(1u << i) & ~(1u << j);
+        if ((faces & other_faces) != other_faces) continue;
+        CellEdges& edges = result[faces];
+        edges.corner[edges.count][0] = static_cast<std::uint8_t>(i);
+        edges.corner[edges.count][1] = static_cast<std::uint8_t>(j);
+        ++edges.count;
+      }
+    }
+  }
+  return result;
+}
+constexpr std::array<CellEdges, 16> kEdgesBetweenFaces[2] = {edges_between_faces(false), edges_between_faces(true)};
+
+}  // namespace
+}  // namespace detail
+
+/// Calls visit(a, b) for edges of cells begin … end − 1, such that over all cells every edge comes once or a few times: of the
+/// cells around an edge, those that come before both of their neighbours there. That is a third of all.
+template <class Visit>
+void RegularTriangulation::visit_edges(std::size_t begin, std::size_t end, const Visit& visit) const {
+  for (std::size_t at = begin; at < end; ++at) {
+    const Cell& c = cells_[at];
+    if (!c.alive()) continue;
+    unsigned later = 0;  // faces with a later cell behind them
+    for (unsigned f = 0; f < 4; ++f) later |= (slot(c.neighbor[f] >> 2) > at ? 1u : 0u) << f;
+    const detail::CellEdges& edges = detail::kEdgesBetweenFaces[c.ghost() ? 1 : 0][later];
+    for (std::size_t e = 0; e < edges.count; ++e) visit(c.vertex[edges.corner[e][0]], c.vertex[edges.corner[e][1]]);
+  }
+}
+
 RegularTriangulation::Adjacency RegularTriangulation::adjacency(const Execution& execution) const {
-  // Every edge lies in at least three cells: count, scatter, then thin and sort each vertex's list.
-  using detail::for_each_piece;
-  using detail::kElementsPerLook;
+  // Count, scatter, then thin and sort each vertex's list. Each thread has a part of the cells, and of the vertices, as its
+  // own.
+  constexpr std::size_t kMostWorkers = 8, kLeastPerWorker = 1 << 12;
   const Execution run = execution.start("listing neighbours");
+  const std::size_t n = points_.size();
+  const std::size_t workers = std::min({std::size_t{run.workers()}, kMostWorkers, n / kLeastPerWorker + 1});
+  const auto in_parts = [workers](std::size_t count, const Execution& part, const auto& body) {
+    detail::WorkCounter done(part, count);
+    parallel_for(workers, 1, part, [&](std::size_t k, std::size_t) {
+      constexpr std::size_t kPerLook =
+          detail::kElementsPerLook / 8;  // each may touch several pages of memory for the first time
+      for (std::size_t from = count * k / workers, end = count * (k + 1) / workers; from < end;) {
+        const std::size_t to = std::min(from + kPerLook, end);
+        body(k, from, to);
+        done.add(to - from);
+        from = to;
+      }
+    });
+  };
+  std::vector<std::vector<Index>> cursor(workers);
+  for (std::vector<Index>& part : cursor) detail::resize_watched(part, n, 0, run.part(0, 0));
+  in_parts(cells_.size(), run.part(0, 0.2), [&](std::size_t k, std::size_t from, std::size_t to) {
+    Index* const count = cursor[k].data();
+    visit_edges(from, to, [count](Index a, Index b) {
+      ++count[a];
+      ++count[b];
+    });
+  });
+  Index total = 0;
+  detail::for_each_piece(n, detail::kElementsPerLook, run.part(0.2, 0.25), [&](std::size_t from, std::size_t to) {
+    for (std::size_t v = from; v < to; ++v) {
+      for (std::vector<Index>& part : cursor) total += std::exchange(part[v], total);
+    }
+  });
+  std::vector<Index, detail::UninitializedAllocator<Index>> scattered(slot(total));
+  in_parts(cells_.size(), run.part(0.25, 0.5), [&](std::size_t k, std::size_t from, std::size_t to) {
+    Index *const at = cursor[k].data(), *const out = scattered.data();
+    visit_edges(from, to, [at, out](Index a, Index b) {
+      out[at[a]++] = b;
+      out[at[b]++] = a;
+    });
+  });
+  const std::vector<Index>& list_end = cursor.back();
+  const auto list_begin = [&list_end](std::size_t v) { return v == 0 ? 0 : list_end[v - 1]; };
   Adjacency result;
-  std::vector<Index> start(points_.size() + 1, 0);
-  for_each_piece(cells_.size(), kElementsPerLook, run.part(0, 0.1), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t at = begin; at < end; ++at) {
-      const Cell& c = cells_[at];
-      if (!c.alive()) continue;
-      const int corners = c.ghost() ? 3 : 4;
-      for (int k = 0; k < corners; ++k) start[slot(c.vertex[slot(k)]) + 1] += corners - 1;
+  detail::resize_watched(result.offset, n + 1, 0, run.part(0.5, 0.5));
+  std::vector<std::vector<Index>> last_seen(workers);
+  for (std::vector<Index>& part : last_seen) detail::resize_watched(part, n, kNone, run.part(0.5, 0.5));
+  in_parts(n, run.part(0.5, 0.9), [&](std::size_t k, std::size_t from, std::size_t to) {
+    for (std::size_t v = from; v < to; ++v) {
+      Index* const list = scattered.data() + list_begin(v);
+      Index* end = list;
+      for (Index m = list_begin(v); m < list_end[v]; ++m) {
+        const Index u = scattered[slot(m)];
+        if (std::exchange(last_seen[k][slot(u)], static_cast<Index>(v)) != static_cast<Index>(v)) *end++ = u;
+      }
+      std::sort(list, end);
+      result.offset[v + 1] = static_cast<Index>(end - list);
     }
   });
-  for (std::size_t v = 0; v < points_.size(); ++v) start[v + 1] += start[v];
-  std::vector<Index, detail::UninitializedAllocator<Index>> scattered(slot(start.back()));
-  std::vector<Index> cursor(start.begin(), start.end() - 1);
-  constexpr std::size_t kCellsPerLook = kElementsPerLook / 8;  // each may touch several pages of memory for the first time
-  for_each_piece(cells_.size(), kCellsPerLook, run.part(0.1, 0.5), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t at = begin; at < end; ++at) {
-      const Cell& c = cells_[at];
-      if (!c.alive()) continue;
-      const int corners = c.ghost() ? 3 : 4;
-      for (int k = 0; k < corners; ++k) {
-        for (int m = 0; m < corners; ++m) {
-          if (m != k) scattered[slot(cursor[slot(c.vertex[slot(k)])]++)] = c.vertex[slot(m)];
-        }
-      }
-    }
-  });
-  result.offset.reserve(points_.size() + 1);
-  result.offset.push_back(0);
-  result.adjacent.reserve(scattered.size() / 4);
-  std::vector<Index> last_seen(points_.size(), kNone);
-  for_each_piece(points_.size(), kElementsPerLook / 4, run.part(0.5, 1), [&](std::size_t begin, std::size_t end) {
-    for (Index v = static_cast<Index>(begin); v < static_cast<Index>(end); ++v) {
-      for (Index k = start[slot(v)]; k < start[slot(v) + 1]; ++k) {
-        const Index u = scattered[slot(k)];
-        if (std::exchange(last_seen[slot(u)], v) != v) result.adjacent.push_back(u);
-      }
-      std::sort(result.adjacent.begin() + result.offset.back(), result.adjacent.end());
-      result.offset.push_back(static_cast<Index>(result.adjacent.size()));
+  for (std::size_t v = 0; v < n; ++v) result.offset[v + 1] += result.offset[v];
+  detail::resize_watched(result.adjacent, slot(result.offset.back()), 0, run.part(0.9, 0.9));
+  in_parts(n, run.part(0.9, 1), [&](std::size_t, std::size_t from, std::size_t to) {
+    for (std::size_t v = from; v < to; ++v) {
+      const Index* const list = scattered.data() + list_begin(v);
+      std::copy(list, list + (result.offset[v + 1] - result.offset[v]), result.adjacent.begin() + result.offset[v]);
     }
   });
   run.finish();
