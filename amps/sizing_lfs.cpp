@@ -14,8 +14,10 @@
 #include "amps/triangulation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <string>
 #include <utility>
@@ -182,6 +184,16 @@ class PoleSamples {
   double scale_ = 1, diagonal_ = 0, total_area_ = 0;
 };
 
+/// The cells of a triangulation are a function of its points, but their numbers and the order of their corners depend on the
+/// number of threads. What is computed from a cell is computed from its corners in descending order, the same on any number.
+using SortedCorners = std::array<Index, 4>;
+
+SortedCorners sorted_corners(const RegularTriangulation::Cell& cell) {
+  SortedCorners v = cell.vertex;
+  std::sort(v.begin(), v.end(), std::greater<>());
+  return v;
+}
+
 /// The ball through the corners of a Delaunay cell.
 struct PoleBall {
   Vec3 center = Vec3::Zero();
@@ -189,7 +201,8 @@ struct PoleBall {
 };
 
 PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTriangulation::Cell& cell) {
-  const auto at = [&](std::size_t k) -> Vec3 { return triangulation.point(cell.vertex[k]).position(); };
+  const SortedCorners corner = sorted_corners(cell);
+  const auto at = [&](std::size_t k) -> Vec3 { return triangulation.point(corner[k]).position(); };
   const Vec3 u = at(1) - at(0), v = at(2) - at(0), w = at(3) - at(0);
   const double uu = squared_norm(u), vv = squared_norm(v), ww = squared_norm(w);
   const Vec3 vw = v.cross(w), wu = w.cross(u), uv = u.cross(v);
@@ -267,31 +280,43 @@ class PoleFinder {
     pole.apart = std::sqrt(longest) / pole.radius;
   }
 
+  /// Is the centre of cell c farther from their common samples than that of `best`? Equally far ones go by corners.
+  bool farther(Index c, Index best) const {
+    const double square = balls_[slot(c)].squared_radius;
+    if (square < 0 || best == kNone) return square >= 0;
+    const double best_square = balls_[slot(best)].squared_radius;
+    if (square != best_square) return square > best_square;
+    return sorted_corners(triangulation_.cell(c)) < sorted_corners(triangulation_.cell(best));
+  }
+
   /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
   /// outward.
   void find_first(const Execution& execution) {
     first_.assign(slot(triangulation_.num_vertices()), kNone);
     direction_.assign(first_.size(), Vec3::Zero());
-    std::vector<char> on_hull(first_.size(), 0);
-    for_each_index(triangulation_.cell_capacity(), execution.part(0, 0.8), [&](Index c) {
+    std::vector<std::array<Index, 3>> hull;
+    for_each_index(triangulation_.cell_capacity(), execution.part(0, 0.7), [&](Index c) {
       const auto& cell = triangulation_.cell(c);
       if (!cell.alive()) return;
       if (cell.ghost()) {
-        const Vec3 a = triangulation_.point(cell.vertex[0]).position();
-        const Vec3 ab = triangulation_.point(cell.vertex[1]).position() - a;
-        const Vec3 ac = triangulation_.point(cell.vertex[2]).position() - a;
-        const Vec3 normal = stable_normalized(ab.cross(ac));
-        for (std::size_t k = 0; k < 3; ++k) {
-          const std::size_t v = slot(cell.vertex[k]);
-          direction_[v] += normal;
-          on_hull[v] = 1;
-        }
+        std::array<Index, 3> corner{cell.vertex[0], cell.vertex[1], cell.vertex[2]};
+        std::rotate(corner.begin(), std::min_element(corner.begin(), corner.end()), corner.end());
+        hull.push_back(corner);
         return;
       }
       for (const Index v : cell.vertex) {
-        Index& best = first_[slot(v)];
-        const double square = balls_[slot(c)].squared_radius;
-        if (square >= 0 && (best == kNone || square > balls_[slot(best)].squared_radius)) best = c;
+        if (farther(c, first_[slot(v)])) first_[slot(v)] = c;
+      }
+    });
+    std::vector<char> on_hull(first_.size(), 0);
+    std::sort(hull.begin(), hull.end());
+    for_each_index(hull.size(), execution.part(0.7, 0.8), [&](std::size_t f) {
+      const Vec3 a = triangulation_.point(hull[f][0]).position();
+      const Vec3 ab = triangulation_.point(hull[f][1]).position() - a, ac = triangulation_.point(hull[f][2]).position() - a;
+      const Vec3 normal = stable_normalized(ab.cross(ac));
+      for (const Index v : hull[f]) {
+        direction_[slot(v)] += normal;
+        on_hull[slot(v)] = 1;
       }
     });
     for_each_index(first_.size(), execution.part(0.8, 1), [&](std::size_t v) {
@@ -312,7 +337,7 @@ class PoleFinder {
       if (!cell.alive() || cell.ghost() || ball.squared_radius < 0) return;
       for (const Index v : cell.vertex) {
         Index& best = second_[slot(v)];
-        if (best != kNone && ball.squared_radius <= balls_[slot(best)].squared_radius) continue;
+        if (!farther(c, best)) continue;
         if (dot(ball.center - triangulation_.point(v).position(), direction_[slot(v)]) < 0) best = c;
       }
     });
