@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -129,6 +130,13 @@ std::vector<std::size_t> first_sides(const TrianglesView& triangles, Index num_v
 /// A lattice of the given levels (empty: k = 1 everywhere).
 std::shared_ptr<SizingLattice> make_lattice(Mesh mesh, std::vector<double> areas, std::vector<std::uint8_t> levels,
                                             const Execution& execution);
+
+/// A radius for each position: positive, finite, the same for the same position; called from several threads.
+using PositionFunction = std::function<double(const Vec3&)>;
+
+/// As function_sizing(), on all threads. The mesh is usable.
+SizingField tabulate_positions(const MeshView& mesh, const PositionFunction& radius, const TabulationOptions& options,
+                               const Execution& execution);
 
 /// The mean of 1/r² over a triangle on which r is linear, > 0 at the corners; relative error below 1e-12.
 double mean_inverse_square(const std::array<double, 3>& radii);

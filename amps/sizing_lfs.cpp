@@ -510,8 +510,8 @@ SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options, const Ex
   TabulationOptions tabulation;
   tabulation.tolerance = options.tolerance;
   tabulation.finest = 1;  // lfs is 1-Lipschitz: a finer mesh resolves it
-  SizingField field = function_sizing(
-      mesh, [&](const SurfacePoint& at) { return axis.distance(at.position); }, tabulation, job.part(kAxisEnd, 0.98));
+  SizingField field = detail::tabulate_positions(
+      mesh, [&](const Vec3& x) { return axis.distance(x); }, tabulation, job.part(kAxisEnd, 0.98));
   if (options.scale != 1) field = field.scaled(options.scale, job.part(0.98, 1));
   job.finish();
   return field;
