@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -28,6 +29,7 @@ namespace {
 
 using detail::dot;
 using detail::for_each_index;
+using detail::for_each_index_on_all_threads;
 using detail::norm;
 using detail::normalized;
 using detail::slot;
@@ -234,32 +236,51 @@ struct Pole {
 class PoleFinder {
  public:
   PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation, const Execution& execution)
-      : samples_(samples), triangulation_(triangulation) {
+      : samples_(samples),
+        triangulation_(triangulation),
+        first_(slot(triangulation.num_vertices())),
+        second_(first_.size()),
+        direction_(first_.size(), Vec3::Zero()) {
     detail::resize_watched(balls_, slot(triangulation.cell_capacity()), PoleBall(), execution.part(0, 0));
-    for_each_index(triangulation.cell_capacity(), execution.part(0, 0.5), [&](Index c) {
-      const auto& cell = triangulation.cell(c);
-      if (cell.alive() && !cell.ghost()) balls_[slot(c)] = pole_ball(triangulation, cell);
+    for_each_index_on_all_threads(balls_.size(), execution.part(0, 0.4), [&](std::size_t c) {
+      const auto& cell = triangulation.cell(static_cast<Index>(c));
+      if (cell.alive() && !cell.ghost()) balls_[c] = pole_ball(triangulation, cell);
     });
-    find_first(execution.part(0.5, 0.75));
+    for (std::size_t v = 0; v < first_.size(); ++v) {
+      first_[v].store(kNone, std::memory_order_relaxed);
+      second_[v].store(kNone, std::memory_order_relaxed);
+    }
+    find_first(execution.part(0.4, 0.75));
     find_second(execution.part(0.75, 1));
   }
 
   std::vector<Pole> poles(const Execution& execution) const {
-    std::vector<Vec3> normals;
-    for_each_index(triangulation_.num_vertices(), execution.part(0, 0.1),
-                   [&](Index s) { normals.push_back(samples_.normal(s)); });
-    std::vector<Pole> result;
-    for_each_index(triangulation_.num_vertices(), execution.part(0.1, 1), [&](Index s) {
-      for (const Index c : {first_[slot(s)], second_[slot(s)]}) {
-        if (c == kNone) continue;
-        const double radius = std::sqrt(balls_[slot(c)].squared_radius), resolved = radius / samples_.spacing(s);
-        // Between sheets closer than the spacing of samples the radii of cells say little, and nothing else is that small.
-        constexpr double kMinResolved = 0.5;
-        if (resolved < kMinResolved) continue;
-        result.push_back({balls_[slot(c)].center, radius, resolved, 0, false});
-        see_contacts(c, normals, result.back());
+    constexpr std::size_t kGrain = 2048;
+    std::vector<Vec3> normals(first_.size());
+    for_each_index_on_all_threads(normals.size(), execution.part(0, 0.1),
+                                  [&](std::size_t s) { normals[s] = samples_.normal(static_cast<Index>(s)); });
+    std::vector<std::vector<Pole>> parts(first_.size() / kGrain + 1);
+    const Execution job = execution.part(0.1, 1);
+    detail::WorkCounter done(job, first_.size());
+    parallel_for(first_.size(), kGrain, job, [&](std::size_t begin, std::size_t end) {
+      std::vector<Pole>& part = parts[begin / kGrain];
+      for (std::size_t s = begin; s < end; ++s) {
+        for (const auto* chosen : {&first_, &second_}) {
+          const Index c = (*chosen)[s].load(std::memory_order_relaxed);
+          if (c == kNone) continue;
+          const double radius = std::sqrt(balls_[slot(c)].squared_radius),
+                       resolved = radius / samples_.spacing(static_cast<Index>(s));
+          // Between sheets closer than the spacing of samples the radii of cells say little, and nothing else is that small.
+          constexpr double kMinResolved = 0.5;
+          if (resolved < kMinResolved) continue;
+          part.push_back({balls_[slot(c)].center, radius, resolved, 0, false});
+          see_contacts(c, normals, part.back());
+        }
       }
+      done.add(end - begin);
     });
+    std::vector<Pole> result;
+    for (const auto& part : parts) result.insert(result.end(), part.begin(), part.end());
     return result;
   }
 
@@ -282,72 +303,69 @@ class PoleFinder {
 
   /// Is the centre of cell c farther from their common samples than that of `best`? Equally far ones go by corners.
   bool farther(Index c, Index best) const {
-    const double square = balls_[slot(c)].squared_radius;
-    if (square < 0 || best == kNone) return square >= 0;
-    const double best_square = balls_[slot(best)].squared_radius;
+    if (best == kNone) return true;
+    const double square = balls_[slot(c)].squared_radius, best_square = balls_[slot(best)].squared_radius;
     if (square != best_square) return square > best_square;
     return sorted_corners(triangulation_.cell(c)) < sorted_corners(triangulation_.cell(best));
   }
 
+  /// Threads may come in any order: what remains is the farthest.
+  void keep_farthest(std::atomic<Index>& best, Index c) const {
+    Index now = best.load(std::memory_order_relaxed);
+    while (farther(c, now) && !best.compare_exchange_weak(now, c, std::memory_order_relaxed)) {
+    }
+  }
+
+  bool has_ball(Index c) const { return balls_[slot(c)].squared_radius >= 0; }
+
   /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
   /// outward.
   void find_first(const Execution& execution) {
-    first_.assign(slot(triangulation_.num_vertices()), kNone);
-    direction_.assign(first_.size(), Vec3::Zero());
+    for_each_index_on_all_threads(balls_.size(), execution.part(0, 0.6), [&](std::size_t c) {
+      if (!has_ball(static_cast<Index>(c))) return;
+      for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex)
+        keep_farthest(first_[slot(v)], static_cast<Index>(c));
+    });
+    for_each_index_on_all_threads(first_.size(), execution.part(0.6, 0.7), [&](std::size_t v) {
+      const Index c = first_[v].load(std::memory_order_relaxed);
+      if (c != kNone) direction_[v] = balls_[slot(c)].center - triangulation_.point(static_cast<Index>(v)).position();
+    });
     std::vector<std::array<Index, 3>> hull;
-    for_each_index(triangulation_.cell_capacity(), execution.part(0, 0.7), [&](Index c) {
+    for_each_index(triangulation_.cell_capacity(), execution.part(0.7, 0.9), [&](Index c) {
       const auto& cell = triangulation_.cell(c);
-      if (!cell.alive()) return;
-      if (cell.ghost()) {
-        std::array<Index, 3> corner{cell.vertex[0], cell.vertex[1], cell.vertex[2]};
-        std::rotate(corner.begin(), std::min_element(corner.begin(), corner.end()), corner.end());
-        hull.push_back(corner);
-        return;
-      }
-      for (const Index v : cell.vertex) {
-        if (farther(c, first_[slot(v)])) first_[slot(v)] = c;
+      if (!cell.alive() || !cell.ghost()) return;
+      hull.push_back({cell.vertex[0], cell.vertex[1], cell.vertex[2]});
+      std::rotate(hull.back().begin(), std::min_element(hull.back().begin(), hull.back().end()), hull.back().end());
+      for (const Index v : hull.back()) {
+        first_[slot(v)].store(kNone, std::memory_order_relaxed);
+        direction_[slot(v)] = Vec3::Zero();
       }
     });
-    std::vector<char> on_hull(first_.size(), 0);
     std::sort(hull.begin(), hull.end());
-    for_each_index(hull.size(), execution.part(0.7, 0.8), [&](std::size_t f) {
+    for_each_index(hull.size(), execution.part(0.9, 1), [&](std::size_t f) {
       const Vec3 a = triangulation_.point(hull[f][0]).position();
       const Vec3 ab = triangulation_.point(hull[f][1]).position() - a, ac = triangulation_.point(hull[f][2]).position() - a;
       const Vec3 normal = stable_normalized(ab.cross(ac));
-      for (const Index v : hull[f]) {
-        direction_[slot(v)] += normal;
-        on_hull[slot(v)] = 1;
-      }
-    });
-    for_each_index(first_.size(), execution.part(0.8, 1), [&](std::size_t v) {
-      if (on_hull[v] != 0) {
-        first_[v] = kNone;
-      } else if (first_[v] != kNone) {
-        direction_[v] = balls_[slot(first_[v])].center - triangulation_.point(static_cast<Index>(v)).position();
-      }
+      for (const Index v : hull[f]) direction_[slot(v)] += normal;
     });
   }
 
   /// The farthest on the other side of the surface.
   void find_second(const Execution& execution) {
-    second_.assign(first_.size(), kNone);
-    for_each_index(triangulation_.cell_capacity(), execution, [&](Index c) {
-      const auto& cell = triangulation_.cell(c);
-      const PoleBall& ball = balls_[slot(c)];
-      if (!cell.alive() || cell.ghost() || ball.squared_radius < 0) return;
-      for (const Index v : cell.vertex) {
-        Index& best = second_[slot(v)];
-        if (!farther(c, best)) continue;
-        if (dot(ball.center - triangulation_.point(v).position(), direction_[slot(v)]) < 0) best = c;
+    for_each_index_on_all_threads(balls_.size(), execution, [&](std::size_t c) {
+      if (!has_ball(static_cast<Index>(c))) return;
+      for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex) {
+        if (dot(balls_[c].center - triangulation_.point(v).position(), direction_[slot(v)]) < 0)
+          keep_farthest(second_[slot(v)], static_cast<Index>(c));
       }
     });
   }
 
   const PoleSamples& samples_;
   const RegularTriangulation& triangulation_;
-  std::vector<PoleBall> balls_;  ///< by cell
-  std::vector<Index> first_, second_;
-  std::vector<Vec3> direction_;
+  std::vector<PoleBall> balls_;                     ///< by cell
+  std::vector<std::atomic<Index>> first_, second_;  ///< by sample: cells
+  std::vector<Vec3> direction_;                     ///< to the first
 };
 
 /// Of the poles that count, one for each box of a grid of side `fineness` times the pole's radius, rounded down to a power of
