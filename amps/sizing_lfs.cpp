@@ -18,7 +18,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <limits>
 #include <string>
 #include <utility>
@@ -192,7 +191,16 @@ using SortedCorners = std::array<Index, 4>;
 
 SortedCorners sorted_corners(const RegularTriangulation::Cell& cell) {
   SortedCorners v = cell.vertex;
-  std::sort(v.begin(), v.end(), std::greater<>());
+  const auto order = [&v](std::size_t i, std::size_t j) {
+    const Index a = v[i], b = v[j];
+    v[i] = std::max(a, b);
+    v[j] = std::min(a, b);
+  };
+  order(0, 1);
+  order(2, 3);
+  order(0, 2);
+  order(1, 3);
+  order(1, 2);
   return v;
 }
 
@@ -225,80 +233,70 @@ PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTrian
 }
 
 struct Pole {
-  Vec3 center;
-  double radius;
-  double resolved;  ///< radius over the spacing of samples
-  double apart;     ///< the longest distance between points where the ball touches, over its radius
-  bool opposite;    ///< it touches two sheets, one nearly above the other for the tangent planes of both
+  Vec3 center = Vec3::Zero();
+  double radius = -1;     ///< < 0: none
+  double apart = 0;       ///< the longest distance between points where the ball touches, over its radius
+  bool opposite = false;  ///< it touches two sheets, one nearly above the other for the tangent planes of both
 };
 
-/// The poles of all samples, in their order, and what filters ask of them.
+/// The poles of all samples, and what filters ask of them.
 class PoleFinder {
  public:
-  PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation, const Execution& execution)
-      : samples_(samples),
-        triangulation_(triangulation),
-        first_(slot(triangulation.num_vertices())),
-        second_(first_.size()),
-        direction_(first_.size(), Vec3::Zero()) {
-    detail::resize_watched(balls_, slot(triangulation.cell_capacity()), PoleBall(), execution.part(0, 0));
-    for_each_index_on_all_threads(balls_.size(), execution.part(0, 0.4), [&](std::size_t c) {
-      const auto& cell = triangulation.cell(static_cast<Index>(c));
-      if (cell.alive() && !cell.ghost()) balls_[c] = pole_ball(triangulation, cell);
-    });
-    for (std::size_t v = 0; v < first_.size(); ++v) {
-      first_[v].store(kNone, std::memory_order_relaxed);
-      second_[v].store(kNone, std::memory_order_relaxed);
-    }
-    find_first(execution.part(0.4, 0.75));
-    find_second(execution.part(0.75, 1));
+  PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation)
+      : samples_(samples), triangulation_(triangulation) {}
+
+  /// Finds the poles of new samples, and those that new samples have changed. A cell that is left has kept its number, and has
+  /// old samples for corners; every other has a new one; a sample of which no cell is new has lost none.
+  void update(const Execution& execution) {
+    const std::size_t n = slot(triangulation_.num_vertices());
+    changed_ = std::vector<std::atomic<char>>(n);
+    for (std::size_t v = num_old_; v < n; ++v) changed_[v].store(1, std::memory_order_relaxed);
+    find_balls(execution.part(0, 0.35));
+    first_ = chosen_again(first_, n);
+    second_ = chosen_again(second_, n);
+    direction_.resize(n, Vec3::Zero());
+    find_first(execution.part(0.35, 0.6));
+    find_second(execution.part(0.6, 0.8));
+    find_poles(execution.part(0.8, 1));
+    num_old_ = n;
   }
 
-  std::vector<Pole> poles(const Execution& execution) const {
-    constexpr std::size_t kGrain = 2048;
-    std::vector<Vec3> normals(first_.size());
-    for_each_index_on_all_threads(normals.size(), execution.part(0, 0.1),
-                                  [&](std::size_t s) { normals[s] = samples_.normal(static_cast<Index>(s)); });
-    std::vector<std::vector<Pole>> parts(first_.size() / kGrain + 1);
-    const Execution job = execution.part(0.1, 1);
-    detail::WorkCounter done(job, first_.size());
-    parallel_for(first_.size(), kGrain, job, [&](std::size_t begin, std::size_t end) {
-      std::vector<Pole>& part = parts[begin / kGrain];
-      for (std::size_t s = begin; s < end; ++s) {
-        for (const auto* chosen : {&first_, &second_}) {
-          const Index c = (*chosen)[s].load(std::memory_order_relaxed);
-          if (c == kNone) continue;
-          const double radius = std::sqrt(balls_[slot(c)].squared_radius),
-                       resolved = radius / samples_.spacing(static_cast<Index>(s));
-          // Between sheets closer than the spacing of samples the radii of cells say little, and nothing else is that small.
-          constexpr double kMinResolved = 0.5;
-          if (resolved < kMinResolved) continue;
-          part.push_back({balls_[slot(c)].center, radius, resolved, 0, false});
-          see_contacts(c, normals, part.back());
-        }
-      }
-      done.add(end - begin);
-    });
-    std::vector<Pole> result;
-    for (const auto& part : parts) result.insert(result.end(), part.begin(), part.end());
+  /// Those of sample s are 2·s and 2·s + 1.
+  const std::vector<Pole>& poles() const { return poles_; }
+  /// The radius of a pole over the spacing of samples around its own.
+  double resolved(std::size_t pole) const { return poles_[pole].radius / samples_.spacing(static_cast<Index>(pole / 2)); }
+
+ private:
+  using Chosen = std::vector<std::atomic<Index>>;  ///< cells, by sample
+
+  static Index at(const Chosen& chosen, std::size_t s) { return chosen[s].load(std::memory_order_relaxed); }
+  bool changed(std::size_t s) const { return changed_[s].load(std::memory_order_relaxed) != 0; }
+  bool changed(Index s) const { return changed(slot(s)); }
+  Chosen chosen_again(const Chosen& before, std::size_t n) const {
+    Chosen result(n);
+    for (std::size_t s = 0; s < n; ++s)
+      result[s].store(s < num_old_ && !changed(s) ? at(before, s) : kNone, std::memory_order_relaxed);
     return result;
   }
 
- private:
-  void see_contacts(Index c, const std::vector<Vec3>& normals, Pole& pole) const {
-    constexpr double kSteep = 0.8;  // cos 37°: between the faces of a cube's edge it is 0.71
-    const auto& vertex = triangulation_.cell(c).vertex;
-    double longest = 0;
-    for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = 0; j < i; ++j) {
-        const Vec3 chord = triangulation_.point(vertex[i]).position() - triangulation_.point(vertex[j]).position();
-        const double square = squared_norm(chord), steep = kSteep * kSteep * square;
-        const double above = dot(chord, normals[slot(vertex[i])]), below = dot(chord, normals[slot(vertex[j])]);
-        longest = std::max(longest, square);
-        pole.opposite = pole.opposite || (above * above > steep && below * below > steep);
+  void find_balls(const Execution& execution) {
+    detail::resize_watched(balls_, slot(triangulation_.cell_capacity()), PoleBall(), execution.part(0, 0));
+    for_each_index_on_all_threads(balls_.size(), execution, [&](std::size_t c) {
+      const auto& cell = triangulation_.cell(static_cast<Index>(c));
+      if (!cell.alive()) {
+        balls_[c] = PoleBall();
+        return;
       }
-    }
-    pole.apart = std::sqrt(longest) / pole.radius;
+      const auto last = *std::max_element(cell.vertex.begin(), cell.vertex.end());
+      if (slot(last) < num_old_) {
+        AMPS_ASSERT(cell.ghost() || pole_ball(triangulation_, cell).center == balls_[c].center);
+        return;
+      }
+      for (const Index v : cell.vertex) {
+        if (v != RegularTriangulation::kInfinite) changed_[slot(v)].store(1, std::memory_order_relaxed);
+      }
+      balls_[c] = cell.ghost() ? PoleBall() : pole_ball(triangulation_, cell);
+    });
   }
 
   /// Is the centre of cell c farther from their common samples than that of `best`? Equally far ones go by corners.
@@ -316,19 +314,21 @@ class PoleFinder {
     }
   }
 
-  bool has_ball(Index c) const { return balls_[slot(c)].squared_radius >= 0; }
+  Vec3 from_sample(Index v, const PoleBall& ball) const { return ball.center - triangulation_.point(v).position(); }
 
   /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
   /// outward.
   void find_first(const Execution& execution) {
     for_each_index_on_all_threads(balls_.size(), execution.part(0, 0.6), [&](std::size_t c) {
-      if (!has_ball(static_cast<Index>(c))) return;
-      for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex)
-        keep_farthest(first_[slot(v)], static_cast<Index>(c));
+      if (balls_[c].squared_radius < 0) return;
+      for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex) {
+        if (changed(v)) keep_farthest(first_[slot(v)], static_cast<Index>(c));
+      }
     });
     for_each_index_on_all_threads(first_.size(), execution.part(0.6, 0.7), [&](std::size_t v) {
-      const Index c = first_[v].load(std::memory_order_relaxed);
-      if (c != kNone) direction_[v] = balls_[slot(c)].center - triangulation_.point(static_cast<Index>(v)).position();
+      if (!changed(v)) return;
+      const Index c = at(first_, v);
+      direction_[v] = c == kNone ? Vec3(Vec3::Zero()) : from_sample(static_cast<Index>(v), balls_[slot(c)]);
     });
     std::vector<std::array<Index, 3>> hull;
     for_each_index(triangulation_.cell_capacity(), execution.part(0.7, 0.9), [&](Index c) {
@@ -338,7 +338,7 @@ class PoleFinder {
       std::rotate(hull.back().begin(), std::min_element(hull.back().begin(), hull.back().end()), hull.back().end());
       for (const Index v : hull.back()) {
         first_[slot(v)].store(kNone, std::memory_order_relaxed);
-        direction_[slot(v)] = Vec3::Zero();
+        if (changed(v)) direction_[slot(v)] = Vec3::Zero();
       }
     });
     std::sort(hull.begin(), hull.end());
@@ -346,39 +346,82 @@ class PoleFinder {
       const Vec3 a = triangulation_.point(hull[f][0]).position();
       const Vec3 ab = triangulation_.point(hull[f][1]).position() - a, ac = triangulation_.point(hull[f][2]).position() - a;
       const Vec3 normal = stable_normalized(ab.cross(ac));
-      for (const Index v : hull[f]) direction_[slot(v)] += normal;
+      for (const Index v : hull[f]) {
+        if (changed(v)) direction_[slot(v)] += normal;
+      }
     });
   }
 
   /// The farthest on the other side of the surface.
   void find_second(const Execution& execution) {
     for_each_index_on_all_threads(balls_.size(), execution, [&](std::size_t c) {
-      if (!has_ball(static_cast<Index>(c))) return;
+      if (balls_[c].squared_radius < 0) return;
       for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex) {
-        if (dot(balls_[c].center - triangulation_.point(v).position(), direction_[slot(v)]) < 0)
+        if (changed(v) && dot(from_sample(v, balls_[c]), direction_[slot(v)]) < 0)
           keep_farthest(second_[slot(v)], static_cast<Index>(c));
       }
     });
   }
 
+  void find_poles(const Execution& execution) {
+    std::vector<Vec3> normals(first_.size());
+    for_each_index_on_all_threads(normals.size(), execution.part(0, 0.2),
+                                  [&](std::size_t s) { normals[s] = samples_.normal(static_cast<Index>(s)); });
+    poles_.resize(2 * first_.size());
+    for_each_index_on_all_threads(first_.size(), execution.part(0.2, 1), [&](std::size_t s) {
+      if (!changed(s)) return;
+      poles_[2 * s] = pole_at(at(first_, s), normals);
+      poles_[2 * s + 1] = pole_at(at(second_, s), normals);
+    });
+  }
+
+  Pole pole_at(Index c, const std::vector<Vec3>& normals) const {
+    Pole pole;
+    if (c == kNone) return pole;
+    constexpr double kSteep = 0.8;  // cos 37°: between the faces of a cube's edge it is 0.71
+    pole.center = balls_[slot(c)].center;
+    pole.radius = std::sqrt(balls_[slot(c)].squared_radius);
+    const auto& vertex = triangulation_.cell(c).vertex;
+    double longest = 0;
+    for (std::size_t i = 0; i < 4; ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        const Vec3 chord = triangulation_.point(vertex[i]).position() - triangulation_.point(vertex[j]).position();
+        const double square = squared_norm(chord), steep = kSteep * kSteep * square;
+        const double above = dot(chord, normals[slot(vertex[i])]), below = dot(chord, normals[slot(vertex[j])]);
+        longest = std::max(longest, square);
+        pole.opposite = pole.opposite || (above * above > steep && below * below > steep);
+      }
+    }
+    pole.apart = std::sqrt(longest) / pole.radius;
+    return pole;
+  }
+
   const PoleSamples& samples_;
   const RegularTriangulation& triangulation_;
-  std::vector<PoleBall> balls_;                     ///< by cell
-  std::vector<std::atomic<Index>> first_, second_;  ///< by sample: cells
-  std::vector<Vec3> direction_;                     ///< to the first
+  std::size_t num_old_ = 0;                 ///< samples, in the last update
+  std::vector<std::atomic<char>> changed_;  ///< by sample
+  std::vector<PoleBall> balls_;             ///< by cell
+  Chosen first_, second_;
+  std::vector<Vec3> direction_;  ///< to the first
+  std::vector<Pole> poles_;
 };
 
 /// Of the poles that count, one for each box of a grid of side `fineness` times the pole's radius, rounded down to a power of
 /// two: the poles of a sphere are all one point, and a search among many that are equally near looks at each.
 template <class Filter>
-Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filter& counts, const Execution& execution) {
+Points thinned_poles(const PoleFinder& finder, double fineness, const Filter& counts, const Execution& execution) {
+  // Between sheets closer than the spacing of samples the radii of cells say little, and nothing else is that small.
+  constexpr double kMinResolved = 0.5;
+  const std::vector<Pole>& poles = finder.poles();
   std::size_t capacity = 16;
   while (capacity < 2 * poles.size()) capacity *= 2;
   std::vector<std::uint64_t> table(capacity, 0);
   std::vector<double> kept;
   for_each_index(poles.size(), execution, [&](std::size_t i) {
     const Pole& pole = poles[i];
-    if (!counts(pole)) return;
+    if (pole.radius < 0) return;
+    const double resolved = finder.resolved(i);
+    if (resolved < kMinResolved || !counts(pole, resolved)) return;
     int exponent = 0;
     std::frexp(pole.radius * fineness, &exponent);
     std::uint64_t key = static_cast<std::uint64_t>(static_cast<std::int64_t>(exponent));
@@ -411,27 +454,28 @@ class MedialAxis {
     const double triangulated = from + kTriangulationShare * (to - from);
     RegularTriangulation triangulation(samples_.positions_from(0), no_weights(samples_.size()),
                                        execution.part(from, triangulated));
-    std::vector<Pole> poles = find_poles(triangulation, execution.part(triangulated, to));
+    PoleFinder finder(samples_, triangulation);
+    finder.update(execution.part(triangulated, to));
     for (int round = 0; round < kRounds && coarse; ++round) {
       from = to;
       to = (from + kRoundsEnd) / 2;
       const Execution job = execution.part(from, to);
       // What must be resolved is where the surface comes near itself; near creases that never ends.
       set_poles(
-          poles, [](const Pole& pole) { return pole.opposite; }, job.part(0, 0.1));
+          finder, [](const Pole& pole, double) { return pole.opposite; }, job.part(0, 0.1));
       const Index before = samples_.size();
       samples_.refine(
           kSpacing, shortest, [this](const Vec3& x) { return scaled_distance(x); }, job.part(0.1, 0.3));
       if (samples_.size() == before) break;
       triangulation.insert(samples_.positions_from(before), no_weights(samples_.size() - before), job.part(0.3, 0.8));
-      poles = find_poles(triangulation, job.part(0.8, 1));
+      finder.update(job.part(0.8, 1));
       if (samples_.size() - before < kSettled * before) break;
       coarse = samples_.coarser_than(shortest, job.part(1, 1));
     }
     set_poles(
-        poles,
-        [&](const Pole& pole) {
-          return pole.opposite || (pole.resolved >= options.min_pole_ratio && pole.apart >= separation);
+        finder,
+        [&](const Pole& pole, double resolved) {
+          return pole.opposite || (resolved >= options.min_pole_ratio && pole.apart >= separation);
         },
         execution.part(kRoundsEnd, 1));
   }
@@ -454,13 +498,9 @@ class MedialAxis {
 
   static std::vector<double> no_weights(Index n) { return std::vector<double>(slot(n), 0.0); }
 
-  std::vector<Pole> find_poles(const RegularTriangulation& triangulation, const Execution& execution) const {
-    return PoleFinder(samples_, triangulation, execution.part(0, 0.6)).poles(execution.part(0.6, 1));
-  }
-
   template <class Filter>
-  void set_poles(const std::vector<Pole>& poles, const Filter& counts, const Execution& execution) {
-    const Points thinned = thinned_poles(poles, kFineness, counts, execution.part(0, 0.6));
+  void set_poles(const PoleFinder& finder, const Filter& counts, const Execution& execution) {
+    const Points thinned = thinned_poles(finder, kFineness, counts, execution.part(0, 0.6));
     tree_ = KdTree(thinned, execution.part(0.6, 1));
   }
 
