@@ -378,7 +378,7 @@ class PositionValues {
  public:
   PositionValues(const MeshView& mesh, const PositionFunction& radius, const Execution& execution)
       : mesh_(mesh), radius_(radius), execution_(execution), at_vertex_(slot(mesh.num_vertices())) {
-    for_each_index_on_all_threads(at_vertex_.size(), execution.part(kAreasShare, (kAreasShare + kTabulated) / 2),
+    for_each_index_on_all_threads(at_vertex_.size(), execution,
                                   [&](std::size_t v) { at_vertex_[v] = radius(mesh.vertices[static_cast<Index>(v)]); });
   }
 
@@ -404,7 +404,7 @@ class PositionValues {
  private:
   const MeshView& mesh_;
   const PositionFunction& radius_;
-  const Execution& execution_;
+  Execution execution_;
   std::vector<double> at_vertex_;
 };
 
@@ -543,14 +543,14 @@ SizingField tabulate_function(const MeshView& mesh, const SizingFunction& radius
 
 }  // namespace
 
-SizingField tabulate_positions(const MeshView& mesh, const PositionFunction& radius, const TabulationOptions& options,
-                               const Execution& execution) {
+SizingField tabulate_positions(const MeshView& mesh, const std::vector<double>& areas, const PositionFunction& radius,
+                               const TabulationOptions& options, const Execution& execution) {
   constexpr std::size_t kFacetsPerPiece = 1024;
-  std::vector<double> areas = facet_areas(mesh, execution.part(0, kAreasShare));
+  constexpr double kVerticesEnd = 0.6;  // of the time
   std::vector<std::uint8_t> levels(areas.size(), 0);
-  PositionValues values(mesh, radius, execution);
+  PositionValues values(mesh, radius, execution.part(0, kVerticesEnd));
   std::vector<std::vector<double>> parts(areas.size() / kFacetsPerPiece + 1);
-  const Execution tabulation = execution.part((kAreasShare + kTabulated) / 2, kTabulated);
+  const Execution tabulation = execution.part(kVerticesEnd, kTabulated);
   WorkCounter done(tabulation, areas.size());
   parallel_for(areas.size(), kFacetsPerPiece, tabulation, [&](std::size_t begin, std::size_t end) {
     FacetTabulator<PositionValues> tabulator(mesh, values, options, areas, levels);
@@ -567,7 +567,7 @@ SizingField tabulate_positions(const MeshView& mesh, const PositionFunction& rad
     nodes.insert(nodes.end(), part.begin(), part.end());
     part = {};
   }
-  return field_of_nodes(mesh, std::move(areas), std::move(levels), std::move(nodes), execution.part(kTabulated, 1));
+  return field_of_nodes(mesh, areas, std::move(levels), std::move(nodes), execution.part(kTabulated, 1));
 }
 
 }  // namespace detail

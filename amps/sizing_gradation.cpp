@@ -37,37 +37,38 @@ class NodeGraph {
   Index node(std::size_t n) const { return node_[n]; }
   Vec3 position(Index node) const { return positions_[slot(node)]; }
 
-  /// Lattice triangles: their nodes, and the length of the edge opposite to each.
-  std::vector<std::array<Index, 3>> corners;
-  std::vector<std::array<double, 3>> lengths;
+  struct Triangle {
+    std::array<double, 3> length;  ///< of the edge opposite to each corner
+    std::array<Index, 3> corner;
+  };
+  std::vector<Triangle> triangles;
   /// Those at each node: `corners_at[begin[node]] … `, as 4·triangle + place in it.
   std::vector<std::size_t> begin;
   std::vector<std::size_t> corners_at;
 
  private:
   void list_triangles(const Execution& execution) {
-    corners.reserve(lattice_.num_pieces());
-    begin.assign(slot(count_) + 1, 0);
-    for_each_index(lattice_.num_pieces(), execution.part(0, 0.4), [&](std::size_t i) {
-      const Index f = lattice_.simple() ? static_cast<Index>(i) : lattice_.piece_facet[i];
-      const LatticeTriangle triangle = nth_lattice_triangle(lattice_.k(f), i - lattice_.piece(f));
-      std::array<Index, 3> nodes;
-      for (std::size_t c = 0; c < 3; ++c) {
-        nodes[c] = node_[lattice_.node(f) + lattice_node(lattice_.k(f), triangle.corner[c][0], triangle.corner[c][1])];
-        ++begin[slot(nodes[c]) + 1];
+    triangles.resize(lattice_.num_pieces());
+    for_each_index_on_all_threads(triangles.size(), execution.part(0, 0.4), [&](std::size_t t) {
+      auto& [length, corner] = triangles[t];
+      if (const Index f = lattice_.simple() ? static_cast<Index>(t) : lattice_.piece_facet[t]; lattice_.level(f) == 0) {
+        for (std::size_t k = 0; k < 3; ++k) corner[k] = node_[lattice_.node(f) + k];
+      } else {
+        const LatticeTriangle triangle = nth_lattice_triangle(lattice_.k(f), t - lattice_.piece(f));
+        for (std::size_t k = 0; k < 3; ++k)
+          corner[k] = node_[lattice_.node(f) + lattice_node(lattice_.k(f), triangle.corner[k][0], triangle.corner[k][1])];
       }
-      corners.push_back(nodes);
+      for (std::size_t k = 0; k < 3; ++k) length[k] = norm(position(corner[(k + 1) % 3]) - position(corner[(k + 2) % 3]));
+    });
+    begin.assign(slot(count_) + 1, 0);
+    for_each_index(triangles.size(), execution.part(0.4, 0.6), [&](std::size_t t) {
+      for (const Index v : triangles[t].corner) ++begin[slot(v) + 1];
     });
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
-    corners_at.resize(3 * corners.size());
+    corners_at.resize(3 * triangles.size());
     std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
-    for_each_index(corners.size(), execution.part(0.4, 0.7), [&](std::size_t t) {
-      for (std::size_t k = 0; k < 3; ++k) corners_at[next[slot(corners[t][k])]++] = 4 * t + k;
-    });
-    lengths.resize(corners.size());
-    for_each_index_on_all_threads(corners.size(), execution.part(0.7, 1), [&](std::size_t t) {
-      for (std::size_t k = 0; k < 3; ++k)
-        lengths[t][k] = norm(position(corners[t][(k + 1) % 3]) - position(corners[t][(k + 2) % 3]));
+    for_each_index(triangles.size(), execution.part(0.6, 1), [&](std::size_t t) {
+      for (std::size_t k = 0; k < 3; ++k) corners_at[next[slot(triangles[t].corner[k])]++] = 4 * t + k;
     });
   }
 
@@ -177,16 +178,17 @@ class GradationRun {
   /// that is below `now` by more than the step.
   bool lowers_across(std::size_t t, std::size_t k, double now, Lowered& lowered) const {
     const std::size_t i = (k + 1) % 3, j = (k + 2) % 3;
-    const Index a = graph_.corners[t][i], b = graph_.corners[t][j];
+    const Index a = graph_.triangles[t].corner[i], b = graph_.triangles[t].corner[j];
     const double ua = at(a), ub = at(b);
     // It falls from both ends towards the inside: its slopes there are (ub − ua)/length ∓ g·cos of the angle at a, b.
-    const double to_a = graph_.lengths[t][j], to_b = graph_.lengths[t][i], length = graph_.lengths[t][k];
+    const double to_a = graph_.triangles[t].length[j], to_b = graph_.triangles[t].length[i],
+                 length = graph_.triangles[t].length[k];
     const double squares = length * length + (to_a + to_b) * (to_a - to_b);
     if (!(2 * (ub - ua) * to_a < g_ * squares)) return false;
     if (!(2 * (ua - ub) * to_b < g_ * (2 * length * length - squares))) return false;
     const double slope = (ub - ua) / length, rest = g_ * g_ - slope * slope;
     if (!(rest > 0)) return false;
-    const Vec3 pa = graph_.position(a), ac = graph_.position(graph_.corners[t][k]) - pa;
+    const Vec3 pa = graph_.position(a), ac = graph_.position(graph_.triangles[t].corner[k]) - pa;
     const Vec3 along = (graph_.position(b) - pa) / length;
     const double foot = dot(along, ac), height = norm(ac - foot * along);
     // d/dx (ua + slope·x + g √((x − foot)² + height²)) = 0.
@@ -202,15 +204,16 @@ class GradationRun {
   /// Nodes that lower others and are not lowered by any: all the rest follows from these, since whatever lowers is smaller.
   void find_first_sources(const Execution& execution) {
     std::vector<std::atomic<char>> lowers(slot(graph_.size())), is_lowered(slot(graph_.size()));
-    for_each_index_on_all_threads(graph_.corners.size(), execution.part(0, 0.9), [&](std::size_t t) {
+    for_each_index_on_all_threads(graph_.triangles.size(), execution.part(0, 0.9), [&](std::size_t t) {
       const auto note = [&](Index source, Index target) {
         lowers[slot(source)].store(1, std::memory_order_relaxed);
         is_lowered[slot(target)].store(1, std::memory_order_relaxed);
       };
       for (std::size_t k = 0; k < 3; ++k) {
-        const Index c = graph_.corners[t][k], a = graph_.corners[t][(k + 1) % 3], b = graph_.corners[t][(k + 2) % 3];
+        const Index c = graph_.triangles[t].corner[k], a = graph_.triangles[t].corner[(k + 1) % 3],
+                    b = graph_.triangles[t].corner[(k + 2) % 3];
         const Index low = at(a) < at(b) ? a : b, high = low == a ? b : a;
-        if (lowers_along(at(low), at(high), graph_.lengths[t][k])) note(low, high);
+        if (lowers_along(at(low), at(high), graph_.triangles[t].length[k])) note(low, high);
         Lowered lowered;
         if (at(c) > at(low) && lowers_across(t, k, at(c), lowered)) note(low, c);
       }
@@ -228,11 +231,12 @@ class GradationRun {
       const std::size_t t = graph_.corners_at[i] / 4, own = graph_.corners_at[i] % 4;
       for (std::size_t step = 1; step <= 2; ++step) {
         const std::size_t k = (own + step) % 3, opposite = 3 - own - k;
-        const Index target = graph_.corners[t][k];
+        const Index target = graph_.triangles[t].corner[k];
         const double now = at(target);
-        if (now <= std::min(value, at(graph_.corners[t][opposite]))) continue;
+        if (now <= std::min(value, at(graph_.triangles[t].corner[opposite]))) continue;
         Lowered best{now, 0}, across;
-        if (lowers_along(value, now, graph_.lengths[t][opposite])) best = {value + g_ * graph_.lengths[t][opposite], growth};
+        if (lowers_along(value, now, graph_.triangles[t].length[opposite]))
+          best = {value + g_ * graph_.triangles[t].length[opposite], growth};
         if (lowers_across(t, k, best.value, across)) best = across;
         if (!(best.value < now)) continue;
         radii_.value[slot(target)] = best.value;
@@ -330,7 +334,7 @@ class GradationLimiter {
     for_each_index(lattice_->num_pieces(), execution, [&](std::size_t t) {
       const Index f = lattice_->simple() ? static_cast<Index>(t) : lattice_->piece_facet[t];
       const double k = lattice_->k(f), area = lattice_->areas[slot(f)] / (k * k);
-      for (const Index node : graph_.corners[t]) node_area_[slot(node)] += area / 3;
+      for (const Index node : graph_.triangles[t].corner) node_area_[slot(node)] += area / 3;
     });
   }
 

@@ -134,9 +134,9 @@ std::shared_ptr<SizingLattice> make_lattice(Mesh mesh, std::vector<double> areas
 /// A radius for each position: positive, finite, the same for the same position; called from several threads.
 using PositionFunction = std::function<double(const Vec3&)>;
 
-/// As function_sizing(), on all threads. The mesh is usable.
-SizingField tabulate_positions(const MeshView& mesh, const PositionFunction& radius, const TabulationOptions& options,
-                               const Execution& execution);
+/// As function_sizing(), on all threads. The mesh is usable; `areas`: those of its facets.
+SizingField tabulate_positions(const MeshView& mesh, const std::vector<double>& areas, const PositionFunction& radius,
+                               const TabulationOptions& options, const Execution& execution);
 
 /// The mean of 1/r² over a triangle on which r is linear, > 0 at the corners; relative error below 1e-12.
 double mean_inverse_square(const std::array<double, 3>& radii);

@@ -55,8 +55,15 @@ class PoleSamples {
     diagonal_ = norm(scale_ * box.max - scale_ * box.min);
     for (Index f = 0; f < mesh.num_facets(); ++f) total_area_ += areas_[slot(f)] * scale_ * scale_;
     sample_of_vertex_.assign(slot(mesh.num_vertices()), kNone);
-    visit_lattices(execution.part(0.3, 1));
+    facets_.resize(areas_.size());
+    for_each_index_on_all_threads(facets_.size(), execution.part(0.3, 0.5), [&](std::size_t f) {
+      if (areas_[f] > 0) facets_[f] = {weighted_normal(static_cast<Index>(f)), longest_edge_of(static_cast<Index>(f))};
+    });
+    visit_lattices(execution.part(0.5, 1));
   }
+
+  /// Of the mesh's facets, in its units.
+  const std::vector<double>& areas() const { return areas_; }
 
   double scale() const { return scale_; }
   double diagonal() const { return diagonal_; }
@@ -98,6 +105,10 @@ class PoleSamples {
   static constexpr int kMaxLevel = 10;
   static constexpr Index kRowsPerLook = 16;  ///< of up to 2^kMaxLevel nodes
 
+  struct Facet {
+    Vec3 normal = Vec3::Zero();  ///< times twice the area
+    double longest_edge = 0;
+  };
   /// What the facets around a sample are like.
   struct Surrounding {
     Vec3 normal = Vec3::Zero();  ///< sum of their normals times area, each turned to agree with those before
@@ -119,12 +130,13 @@ class PoleSamples {
     const Vec3 a = scale_ * mesh_.corner(f, 0);
     return (scale_ * mesh_.corner(f, 1) - a).cross(scale_ * mesh_.corner(f, 2) - a);
   }
-  double longest_edge(Index f) const {
+  double longest_edge(Index f) const { return facets_[slot(f)].longest_edge; }
+  double longest_edge_of(Index f) const {
     const Vec3 a = scale_ * mesh_.corner(f, 0), b = scale_ * mesh_.corner(f, 1), c = scale_ * mesh_.corner(f, 2);
     return std::max({norm(b - a), norm(c - b), norm(a - c)});
   }
 
-  bool too_coarse(Index f, int level, double wanted) const { return std::ldexp(longest_edge(f), -level) > 1.4142 * wanted; }
+  bool too_coarse(Index f, int level, double wanted) const { return longest_edge(f) > std::ldexp(1.4142 * wanted, level); }
   /// False for what may stay as it is whatever the feature size. Facets without a lattice are given twice as much room: a mesh
   /// whose own vertices will do should not be triangulated twice for a few long edges.
   bool may_refine(Index f, double shortest) const {
@@ -146,8 +158,8 @@ class PoleSamples {
     std::fill(around_.begin(), around_.end(), Surrounding());
     for_each_index(mesh_.num_facets(), execution, [&](Index f) {
       if (!(areas_[slot(f)] > 0)) return;
-      const Vec3 normal = weighted_normal(f);
-      const double edge = std::ldexp(longest_edge(f), -level_[slot(f)]);
+      const auto& [normal, longest] = facets_[slot(f)];
+      const double edge = level_[slot(f)] == 0 ? longest : std::ldexp(longest, -level_[slot(f)]);
       for (int k = 0; k < 3; ++k) {
         Index& sample = sample_of_vertex_[slot(mesh_.triangles(f, k))];
         if (sample == kNone) sample = find_or_add(scale_ * mesh_.corner(f, k));
@@ -178,6 +190,7 @@ class PoleSamples {
 
   const MeshView& mesh_;
   std::vector<double> areas_;
+  std::vector<Facet> facets_;  ///< those with area
   std::vector<std::uint8_t> level_;
   std::vector<Index> sample_of_vertex_;
   detail::DistinctPoints points_;  ///< the samples
@@ -480,6 +493,8 @@ class MedialAxis {
         execution.part(kRoundsEnd, 1));
   }
 
+  const std::vector<double>& areas() const { return samples_.areas(); }
+
   double distance(const Vec3& x) const {
     return std::clamp(scaled_distance(samples_.scale() * x), kMinDistance * samples_.diagonal(), samples_.diagonal()) /
            samples_.scale();
@@ -569,7 +584,7 @@ SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options, const Ex
   tabulation.tolerance = options.tolerance;
   tabulation.finest = 1;  // lfs is 1-Lipschitz: a finer mesh resolves it
   SizingField field = detail::tabulate_positions(
-      mesh, [&](const Vec3& x) { return axis.distance(x); }, tabulation, job.part(kAxisEnd, 0.98));
+      mesh, axis.areas(), [&](const Vec3& x) { return axis.distance(x); }, tabulation, job.part(kAxisEnd, 0.98));
   if (options.scale != 1) field = field.scaled(options.scale, job.part(0.98, 1));
   job.finish();
   return field;
