@@ -88,6 +88,10 @@ class NodeGraph {
   }
 
   void number_facet(Index f) {
+    if (lattice_.level(f) == 0) {
+      for (int c = 0; c < 3; ++c) node_.push_back(welded_.triangles(f, c));
+      return;
+    }
     const Index k = lattice_.k(f);
     for (Index j = 0; j <= k; ++j) {
       for (Index i = 0; i + j <= k; ++i) {
@@ -110,9 +114,13 @@ class NodeGraph {
 
   void place_nodes(const Execution& execution) {
     positions_.resize(slot(count_));
-    std::size_t n = 0;
+    for_each_index_on_all_threads(
+        static_cast<std::size_t>(welded_.vertices.rows()), execution.part(0, 0.5),
+        [this](std::size_t v) { positions_[v] = welded_.vertices.row(static_cast<Index>(v)).transpose(); });
     const MeshView mesh(lattice_.mesh);
-    for_each_index(lattice_.num_facets(), execution, [&](Index f) {
+    for_each_index(lattice_.num_facets(), execution.part(0.5, 1), [&](Index f) {
+      if (lattice_.level(f) == 0) return;
+      std::size_t n = lattice_.node(f);
       const Index k = lattice_.k(f);
       const std::array<Vec3, 3> corner{mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2)};
       for (Index j = 0; j <= k; ++j) {
