@@ -94,15 +94,31 @@ SizingField::Piece SizingField::scaled_piece(std::size_t i) const {
 }
 
 double SizingField::density_integral(std::size_t i) const {
-  const Piece p = scaled_piece(i);
-  const double k = lattice_->k(p.facet), area = lattice_->areas[slot(p.facet)] / (k * k);
-  return area > 0 ? area * detail::mean_inverse_square(p.radii) : 0.0;
+  const Index facet = lattice_->simple() ? static_cast<Index>(i) : lattice_->piece_facet[i];
+  const Index k = lattice_->k(facet);
+  const double area = lattice_->areas[slot(facet)] / (static_cast<double>(k) * k);
+  if (!(area > 0)) return 0;
+  const double* nodes = nodes_->data() + lattice_->node(facet);
+  if (k == 1) return area * detail::mean_inverse_square({nodes[0], nodes[1], nodes[2]});
+  const detail::LatticeTriangle triangle = detail::nth_lattice_triangle(k, i - lattice_->piece(facet));
+  std::array<double, 3> radii;
+  for (std::size_t c = 0; c < 3; ++c) radii[c] = nodes[detail::lattice_node(k, triangle.corner[c][0], triangle.corner[c][1])];
+  return area * detail::mean_inverse_square(radii);
 }
 
 double SizingField::density_integral(const Execution& execution) const {
   const Execution job = execution.start("counting samples to be");
+  // Parts are summed in the order of pieces, whatever the number of threads.
+  constexpr std::size_t kPiecesAtOnce = std::size_t{1} << 18;
+  std::vector<double> parts(std::min(kPiecesAtOnce, num_pieces()));
   double sum = 0;
-  detail::for_each_index(num_pieces(), job, [&](std::size_t i) { sum += density_integral(i); });
+  const auto share = [&](std::size_t i) { return static_cast<double>(i) / static_cast<double>(num_pieces()); };
+  for (std::size_t begin = 0; begin < num_pieces(); begin += kPiecesAtOnce) {
+    const std::size_t end = std::min(begin + kPiecesAtOnce, num_pieces());
+    detail::for_each_index_on_all_threads(end - begin, job.part(share(begin), share(end)),
+                                          [&](std::size_t i) { parts[i] = density_integral(begin + i); });
+    for (std::size_t i = begin; i < end; ++i) sum += parts[i - begin];
+  }
   job.finish();
   return sum;
 }
@@ -292,61 +308,34 @@ SizingField vertex_density_sizing(const MeshView& mesh, const ValuesView& densit
 namespace detail {
 namespace {
 
-/// Tabulates a function facet by facet.
-class Tabulator {
+constexpr double kAreasShare = 0.1, kTabulated = 0.9;  ///< of the time of a tabulation
+
+[[noreturn]] void refuse_many_nodes(std::size_t most) {
+  throw Error(ErrorCode::kTooLarge, "sizing: the function needs more than " + std::to_string(most) +
+                                        " lattice nodes; give larger radii or a larger tolerance");
+}
+
+/// The values of a user's function, which is called from one thread, and with the same point from all facets that have it.
+class FunctionValues {
  public:
-  Tabulator(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options, const Execution& execution)
-      : mesh_(mesh),
-        radius_(radius),
-        options_(options),
-        execution_(execution),
-        areas_(facet_areas(mesh, execution.part(0, kAreasShare))) {
-    levels_.assign(areas_.size(), 0);
-    nodes_.reserve(3 * areas_.size());
+  FunctionValues(const MeshView& mesh, const SizingFunction& radius, const Execution& execution)
+      : mesh_(mesh), radius_(radius), execution_(execution) {
     at_vertex_.assign(slot(mesh.num_vertices()), 0.0);
   }
 
-  SizingField run() {
-    for_each_index(mesh_.num_facets(), execution_.part(kAreasShare, kTabulated), [&](Index f) { tabulate(f); });
-    const Execution last = execution_.part(kTabulated, 1);
-    Mesh copy = mesh_.copy();
-    auto lattice = make_lattice(std::move(copy), std::move(areas_), std::move(levels_), last.part(0.2, 0.7));
-    return SizingFieldAccess::make(std::move(lattice), std::move(nodes_), last.part(0.7, 1));
-  }
-
- private:
-  static constexpr double kAreasShare = 0.1, kTabulated = 0.9;  ///< of the time
-  static constexpr int kLastLevel = 14;
-
   /// Between facets and within large ones.
-  void look() const {
-    execution_.report(kAreasShare + (kTabulated - kAreasShare) * static_cast<double>(now_at_) / mesh_.num_facets());
-  }
-
-  double call(Index facet, const Vec3& b) {
-    constexpr unsigned kCallsPerLook = 16;  // up to some milliseconds each
-    if (++calls_ % kCallsPerLook == 0) look();
-    SurfacePoint at{facet, b, Vec3::Zero()};
-    at.position = b[0] * mesh_.corner(facet, 0) + b[1] * mesh_.corner(facet, 1) + b[2] * mesh_.corner(facet, 2);
-    const double r = radius_(at);
-    if (is_radius(r)) return r;
-    const auto list = [](const Vec3& v) {
-      return "(" + number_text(v[0]) + ", " + number_text(v[1]) + ", " + number_text(v[2]) + ")";
-    };
-    refuse_sizing("the function gives the radius " + number_text(r) + " at " + list(at.position) + ", barycentrics " + list(b) +
-                  " of facet " + std::to_string(facet) + " (0-based); it must be positive and finite everywhere");
+  void look(Index facet) const {
+    execution_.report(kAreasShare + (kTabulated - kAreasShare) * static_cast<double>(facet) / mesh_.num_facets());
   }
 
   double at_corner(Index f, int k) {
     double& value = at_vertex_[slot(mesh_.triangles(f, k))];
-    if (value == 0) value = call(f, Vec3::Unit(k));
+    if (value == 0) value = inside(f, Vec3::Unit(k));
     return value;
   }
 
-  double at_node(Index f, Index k, Index i, Index j) {
-    const PlaceOnSide place = place_on_side(k, i, j);
-    if (place.side < 0) return call(f, lattice_barycentric(k, i, j));
-    if (place.steps == 0) return at_corner(f, place.side);
+  /// At `steps` of k steps from the start of a side, 0 < steps < k.
+  double on_side(Index f, int k, const PlaceOnSide& place) {
     if (first_side_.empty()) {
       first_side_ = first_sides(mesh_.triangles, mesh_.num_vertices(), execution_.part(0, 0));
     }
@@ -358,13 +347,78 @@ class Tabulator {
     Vec3 b = Vec3::Zero();
     b[side] = 1 - along;
     b[(side + 1) % 3] = along;
-    return call(owner, b);
+    return inside(owner, b);
   }
 
+  double inside(Index facet, const Vec3& b) {
+    constexpr unsigned kCallsPerLook = 16;  // up to some milliseconds each
+    if (++calls_ % kCallsPerLook == 0) look(facet);
+    SurfacePoint at{facet, b, Vec3::Zero()};
+    at.position = b[0] * mesh_.corner(facet, 0) + b[1] * mesh_.corner(facet, 1) + b[2] * mesh_.corner(facet, 2);
+    const double r = radius_(at);
+    if (is_radius(r)) return r;
+    const auto list = [](const Vec3& v) {
+      return "(" + number_text(v[0]) + ", " + number_text(v[1]) + ", " + number_text(v[2]) + ")";
+    };
+    refuse_sizing("the function gives the radius " + number_text(r) + " at " + list(at.position) + ", barycentrics " + list(b) +
+                  " of facet " + std::to_string(facet) + " (0-based); it must be positive and finite everywhere");
+  }
+
+ private:
+  const MeshView& mesh_;
+  const SizingFunction& radius_;
+  const Execution& execution_;
+  unsigned calls_ = 0;
+  std::vector<double> at_vertex_;        ///< 0: not called yet
+  std::vector<std::size_t> first_side_;  ///< empty until a facet has a lattice
+};
+
+/// The values of a function of the position, for several threads.
+class PositionValues {
+ public:
+  PositionValues(const MeshView& mesh, const PositionFunction& radius, const Execution& execution)
+      : mesh_(mesh), radius_(radius), execution_(execution), at_vertex_(slot(mesh.num_vertices())) {
+    for_each_index_on_all_threads(at_vertex_.size(), execution,
+                                  [&](std::size_t v) { at_vertex_[v] = radius(mesh.vertices[static_cast<Index>(v)]); });
+  }
+
+  void look(Index) const { execution_.check(); }
+
+  double at_corner(Index f, int k) const { return at_vertex_[slot(mesh_.triangles(f, k))]; }
+
+  double on_side(Index f, int k, const PlaceOnSide& place) const {
+    Vec3 from = mesh_.corner(f, place.side), to = mesh_.corner(f, (place.side + 1) % 3);
+    double along = static_cast<double>(place.steps) / k;
+    // In the order of their coordinates: facets with the edge make the same points.
+    if (std::lexicographical_compare(to.data(), to.data() + 3, from.data(), from.data() + 3)) {
+      std::swap(from, to);
+      along = 1 - along;  // exact: k is a power of two
+    }
+    return radius_((1 - along) * from + along * to);
+  }
+
+  double inside(Index f, const Vec3& b) const {
+    return radius_(b[0] * mesh_.corner(f, 0) + b[1] * mesh_.corner(f, 1) + b[2] * mesh_.corner(f, 2));
+  }
+
+ private:
+  const MeshView& mesh_;
+  const PositionFunction& radius_;
+  Execution execution_;
+  std::vector<double> at_vertex_;
+};
+
+/// Tabulates a range of facets, one by one. Values: FunctionValues or PositionValues.
+template <class Values>
+class FacetTabulator {
+ public:
+  FacetTabulator(const MeshView& mesh, Values& values, const TabulationOptions& options, const std::vector<double>& areas,
+                 std::vector<std::uint8_t>& levels)
+      : mesh_(mesh), values_(values), options_(options), areas_(areas), levels_(levels) {}
+
   void tabulate(Index f) {
-    now_at_ = f;
     std::vector<double>& now = now_;
-    now.assign({at_corner(f, 0), at_corner(f, 1), at_corner(f, 2)});
+    now.assign({values_.at_corner(f, 0), values_.at_corner(f, 1), values_.at_corner(f, 2)});
     int level = 0;
     if (areas_[slot(f)] > 0) {
       const double edge = longest_edge(f);
@@ -384,6 +438,19 @@ class Tabulator {
     nodes_.insert(nodes_.end(), now.begin(), now.end());
   }
 
+  /// Of the facets so far, in order.
+  std::vector<double> take_nodes() { return std::move(nodes_); }
+
+ private:
+  static constexpr int kLastLevel = 14;
+
+  double at_node(Index f, Index k, Index i, Index j) {
+    const PlaceOnSide place = place_on_side(k, i, j);
+    if (place.side < 0) return values_.inside(f, lattice_barycentric(k, i, j));
+    if (place.steps == 0) return values_.at_corner(f, place.side);
+    return values_.on_side(f, k, place);
+  }
+
   double longest_edge(Index f) const {
     const Vec3 a = mesh_.corner(f, 0), b = mesh_.corner(f, 1), c = mesh_.corner(f, 2);
     return std::max({norm(b - a), norm(c - b), norm(a - c)});
@@ -398,7 +465,7 @@ class Tabulator {
     const std::size_t pieces = slot(k) * slot(k);
     double sum = 0;
     for (std::size_t t = 0; t < pieces; ++t) {
-      if (t % kElementsPerLook == kElementsPerLook - 1) look();
+      if (t % kElementsPerLook == kElementsPerLook - 1) values_.look(f);
       const LatticeTriangle triangle = nth_lattice_triangle(k, t);
       std::array<double, 3> radii;
       for (std::size_t c = 0; c < 3; ++c) radii[c] = now_[lattice_node(k, triangle.corner[c][0], triangle.corner[c][1])];
@@ -411,10 +478,7 @@ class Tabulator {
   /// Doubles k in now_; true if the new values are what interpolation says.
   bool refine(Index f, int level) {
     const Index k = Index{1} << level, fine = 2 * k;
-    if (nodes_.size() + nodes_of_lattice(fine) > options_.max_nodes) {
-      throw Error(ErrorCode::kTooLarge, "sizing: the function needs more than " + std::to_string(options_.max_nodes) +
-                                            " lattice nodes; give larger radii or a larger tolerance");
-    }
+    if (nodes_.size() + nodes_of_lattice(fine) > options_.max_nodes) refuse_many_nodes(options_.max_nodes);
     const std::vector<double> old = now_;
     const auto at = [&](Index i, Index j) { return old[lattice_node(k, i, j)]; };
     now_.clear();
@@ -445,27 +509,67 @@ class Tabulator {
         b += lattice_barycentric(k, corner[0], corner[1]) / 3;
         linear += coarse_[lattice_node(k, corner[0], corner[1])] / 3;
       }
-      const double r = call(f, b);
+      const double r = values_.inside(f, b);
       if (!(std::abs(r - linear) <= options_.tolerance * r)) return false;
     }
     return true;
   }
 
   const MeshView& mesh_;
-  const SizingFunction& radius_;
+  Values& values_;
   const TabulationOptions& options_;
-  const Execution& execution_;
-  Index now_at_ = 0;  ///< facet
-  unsigned calls_ = 0;
-  std::vector<double> areas_;
-  std::vector<std::uint8_t> levels_;
+  const std::vector<double>& areas_;
+  std::vector<std::uint8_t>& levels_;
   std::vector<double> nodes_;
-  std::vector<double> at_vertex_;        ///< 0: not called yet
-  std::vector<std::size_t> first_side_;  ///< empty until a facet has a lattice
-  std::vector<double> now_, coarse_;     ///< the facet's lattice, and the one before
+  std::vector<double> now_, coarse_;  ///< the facet's lattice, and the one before
 };
 
+SizingField field_of_nodes(const MeshView& mesh, std::vector<double> areas, std::vector<std::uint8_t> levels,
+                           std::vector<double> nodes, const Execution& execution) {
+  Mesh copy = mesh.copy();
+  auto lattice = make_lattice(std::move(copy), std::move(areas), std::move(levels), execution.part(0.2, 0.7));
+  return SizingFieldAccess::make(std::move(lattice), std::move(nodes), execution.part(0.7, 1));
+}
+
+SizingField tabulate_function(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options,
+                              const Execution& execution) {
+  std::vector<double> areas = facet_areas(mesh, execution.part(0, kAreasShare));
+  std::vector<std::uint8_t> levels(areas.size(), 0);
+  FunctionValues values(mesh, radius, execution);
+  FacetTabulator<FunctionValues> tabulator(mesh, values, options, areas, levels);
+  for_each_index(mesh.num_facets(), execution.part(kAreasShare, kTabulated), [&](Index f) { tabulator.tabulate(f); });
+  return field_of_nodes(mesh, std::move(areas), std::move(levels), tabulator.take_nodes(), execution.part(kTabulated, 1));
+}
+
 }  // namespace
+
+SizingField tabulate_positions(const MeshView& mesh, const std::vector<double>& areas, const PositionFunction& radius,
+                               const TabulationOptions& options, const Execution& execution) {
+  constexpr std::size_t kFacetsPerPiece = 1024;
+  constexpr double kVerticesEnd = 0.6;  // of the time
+  std::vector<std::uint8_t> levels(areas.size(), 0);
+  PositionValues values(mesh, radius, execution.part(0, kVerticesEnd));
+  std::vector<std::vector<double>> parts(areas.size() / kFacetsPerPiece + 1);
+  const Execution tabulation = execution.part(kVerticesEnd, kTabulated);
+  WorkCounter done(tabulation, areas.size());
+  parallel_for(areas.size(), kFacetsPerPiece, tabulation, [&](std::size_t begin, std::size_t end) {
+    FacetTabulator<PositionValues> tabulator(mesh, values, options, areas, levels);
+    for (std::size_t f = begin; f < end; ++f) tabulator.tabulate(static_cast<Index>(f));
+    parts[begin / kFacetsPerPiece] = tabulator.take_nodes();
+    done.add(end - begin);
+  });
+  std::size_t size = 0;
+  for (const auto& part : parts) size += part.size();
+  if (size > options.max_nodes) refuse_many_nodes(options.max_nodes);
+  std::vector<double> nodes;
+  nodes.reserve(size);
+  for (auto& part : parts) {
+    nodes.insert(nodes.end(), part.begin(), part.end());
+    part = {};
+  }
+  return field_of_nodes(mesh, areas, std::move(levels), std::move(nodes), execution.part(kTabulated, 1));
+}
+
 }  // namespace detail
 
 SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, const TabulationOptions& options,
@@ -483,7 +587,7 @@ SizingField function_sizing(const MeshView& mesh, const SizingFunction& radius, 
   if (!radius) refuse_sizing("no function given");
   if (!(options.tolerance > 0 && options.finest > 0)) refuse_sizing("tolerance and finest must be positive");
   const Execution tabulation = job.part(0.1, 1);
-  SizingField result = detail::Tabulator(mesh, radius, options, tabulation).run();
+  SizingField result = detail::tabulate_function(mesh, radius, options, tabulation);
   job.finish();
   return result;
 }

@@ -122,7 +122,7 @@ AMPS_EXPORT double count_factor(const SizingField& field, double count, const Ex
 
 /// The field scaled by some s and then limited in gradation, for about `count` samples in all: s is such that
 /// kSamplesPerDensity · ∫dA/r² is within 0.5 % of `count`. An infinite gradation gives field.scaled(count_factor(field,
-/// count)). Throws as count_factor and SizingField::limited. A few times the cost of limited().
+/// count)). Throws as count_factor and SizingField::limited. About twice the cost of limited().
 AMPS_EXPORT SizingField for_count(const SizingField& field, double count, double gradation = kDefaultGradation,
                                   const Execution& execution = {});
 

@@ -4,9 +4,15 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sizing_lattice.h"
 
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <numeric>
+#include <utility>
+#include <vector>
 
 namespace amps {
 namespace detail {
@@ -31,30 +37,38 @@ class NodeGraph {
   Index node(std::size_t n) const { return node_[n]; }
   Vec3 position(Index node) const { return positions_[slot(node)]; }
 
-  /// Lattice triangles at each node: `triangles[begin[node]] … `, as numbers of triples in `corners`.
-  std::vector<std::array<Index, 3>> corners;
+  struct Triangle {
+    std::array<double, 3> length;  ///< of the edge opposite to each corner
+    std::array<Index, 3> corner;
+  };
+  std::vector<Triangle> triangles;
+  /// Those at each node: `corners_at[begin[node]] … `, as 4·triangle + place in it.
   std::vector<std::size_t> begin;
-  std::vector<std::size_t> triangles;
+  std::vector<std::size_t> corners_at;
 
  private:
   void list_triangles(const Execution& execution) {
-    corners.reserve(lattice_.num_pieces());
-    begin.assign(slot(count_) + 1, 0);
-    for_each_index(lattice_.num_pieces(), execution.part(0, 0.5), [&](std::size_t i) {
-      const Index f = lattice_.simple() ? static_cast<Index>(i) : lattice_.piece_facet[i];
-      const LatticeTriangle triangle = nth_lattice_triangle(lattice_.k(f), i - lattice_.piece(f));
-      std::array<Index, 3> nodes;
-      for (std::size_t c = 0; c < 3; ++c) {
-        nodes[c] = node_[lattice_.node(f) + lattice_node(lattice_.k(f), triangle.corner[c][0], triangle.corner[c][1])];
-        ++begin[slot(nodes[c]) + 1];
+    triangles.resize(lattice_.num_pieces());
+    for_each_index_on_all_threads(triangles.size(), execution.part(0, 0.4), [&](std::size_t t) {
+      auto& [length, corner] = triangles[t];
+      if (const Index f = lattice_.simple() ? static_cast<Index>(t) : lattice_.piece_facet[t]; lattice_.level(f) == 0) {
+        for (std::size_t k = 0; k < 3; ++k) corner[k] = node_[lattice_.node(f) + k];
+      } else {
+        const LatticeTriangle triangle = nth_lattice_triangle(lattice_.k(f), t - lattice_.piece(f));
+        for (std::size_t k = 0; k < 3; ++k)
+          corner[k] = node_[lattice_.node(f) + lattice_node(lattice_.k(f), triangle.corner[k][0], triangle.corner[k][1])];
       }
-      corners.push_back(nodes);
+      for (std::size_t k = 0; k < 3; ++k) length[k] = norm(position(corner[(k + 1) % 3]) - position(corner[(k + 2) % 3]));
+    });
+    begin.assign(slot(count_) + 1, 0);
+    for_each_index(triangles.size(), execution.part(0.4, 0.6), [&](std::size_t t) {
+      for (const Index v : triangles[t].corner) ++begin[slot(v) + 1];
     });
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
-    triangles.resize(3 * corners.size());
+    corners_at.resize(3 * triangles.size());
     std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
-    for_each_index(corners.size(), execution.part(0.5, 1), [&](std::size_t t) {
-      for (const Index v : corners[t]) triangles[next[slot(v)]++] = t;
+    for_each_index(triangles.size(), execution.part(0.6, 1), [&](std::size_t t) {
+      for (std::size_t k = 0; k < 3; ++k) corners_at[next[slot(triangles[t].corner[k])]++] = 4 * t + k;
     });
   }
 
@@ -74,6 +88,10 @@ class NodeGraph {
   }
 
   void number_facet(Index f) {
+    if (lattice_.level(f) == 0) {
+      for (int c = 0; c < 3; ++c) node_.push_back(welded_.triangles(f, c));
+      return;
+    }
     const Index k = lattice_.k(f);
     for (Index j = 0; j <= k; ++j) {
       for (Index i = 0; i + j <= k; ++i) {
@@ -96,9 +114,13 @@ class NodeGraph {
 
   void place_nodes(const Execution& execution) {
     positions_.resize(slot(count_));
-    std::size_t n = 0;
+    for_each_index_on_all_threads(
+        static_cast<std::size_t>(welded_.vertices.rows()), execution.part(0, 0.5),
+        [this](std::size_t v) { positions_[v] = welded_.vertices.row(static_cast<Index>(v)).transpose(); });
     const MeshView mesh(lattice_.mesh);
-    for_each_index(lattice_.num_facets(), execution, [&](Index f) {
+    for_each_index(lattice_.num_facets(), execution.part(0.5, 1), [&](Index f) {
+      if (lattice_.level(f) == 0) return;
+      std::size_t n = lattice_.node(f);
       const Index k = lattice_.k(f);
       const std::array<Vec3, 3> corner{mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2)};
       for (Index j = 0; j <= k; ++j) {
@@ -120,59 +142,128 @@ class NodeGraph {
   std::vector<Index> edge_node_;
 };
 
-/// The smallest u(x) + g·|x − c| over the inside of the segment from a to b, on which u is linear from ua to ub; infinite if
-/// the ends are no worse.
-double reach_from_segment(const Vec3& a, const Vec3& b, const Vec3& c, double ua, double ub, double g) {
-  constexpr double kNoBetter = std::numeric_limits<double>::infinity();
-  const double length = norm(b - a);
-  if (!(length > 0)) return kNoBetter;
-  const Vec3 along = (b - a) / length;
-  const double slope = (ub - ua) / length, foot = dot(along, c - a), height = norm(c - a - foot * along);
-  const double rest = g * g - slope * slope;
-  if (!(rest > 0)) return kNoBetter;
-  // d/dt (ua + slope·t + g √((t − foot)² + height²)) = 0.
-  const double root = std::sqrt(rest), t = foot - slope * height / root;
-  return t > 0 && t < length ? ua + slope * foot + height * root : kNoBetter;
-}
+/// A radius at each node of a graph, and how fast it grows with the factor of the field that is limited: as the radius where
+/// the limit comes from, unlimited. By it the limited field at another factor is foreseen up to second order, from above.
+struct LimitedRadii {
+  std::vector<double> value, growth;
+};
 
-/// Lowers u to the largest values that no lattice triangle can lower further, smallest first as Dijkstra's algorithm does; a
-/// node that is lowered after its turn (obtuse triangles) has another one.
-void limit_gradation(const NodeGraph& graph, double g, const Execution& execution, std::vector<double>& u) {
-  // Along edges, smaller steps are rounding. Across triangles they are no better than the scheme is, and among needles, which
-  // lower each other in turn, there is no end of them.
-  constexpr double kEdgeStep = 1e-13, kTriangleStep = 1e-4;
-  using Entry = std::pair<double, Index>;
-  std::vector<Entry> heap(u.size());
-  for (std::size_t n = 0; n < u.size(); ++n) heap[n] = {u[n], static_cast<Index>(n)};
-  std::make_heap(heap.begin(), heap.end(), std::greater<>());
-  // Every node has its turn, and some are lowered before it, which leaves an entry without use.
-  Ticker ticker(execution, heap.size() + heap.size() / 2);
-  while (!heap.empty()) {
-    ticker.tick();
-    std::pop_heap(heap.begin(), heap.end(), std::greater<>());
-    const auto [value, node] = heap.back();
-    heap.pop_back();
-    if (value != u[slot(node)]) continue;
-    const Vec3 p = graph.position(node);
-    for (std::size_t i = graph.begin[slot(node)]; i < graph.begin[slot(node) + 1]; ++i) {
-      const auto& corner = graph.corners[graph.triangles[i]];
-      const std::size_t own = corner[0] == node ? 0 : corner[1] == node ? 1 : 2;
-      for (std::size_t k = 1; k <= 2; ++k) {
-        const Index target = corner[(own + k) % 3], other = corner[(own + 3 - k) % 3];
-        double& now = u[slot(target)];
-        if (now <= std::min(value, u[slot(other)])) continue;
-        double lowered = value + g * norm(graph.position(target) - p);
-        if (!(lowered < now * (1 - kEdgeStep))) lowered = now;
-        const double across = reach_from_segment(p, graph.position(other), graph.position(target), value, u[slot(other)], g);
-        if (across < lowered * (1 - kTriangleStep)) lowered = across;
-        if (!(lowered < now)) continue;
-        now = lowered;
-        heap.emplace_back(lowered, target);
-        std::push_heap(heap.begin(), heap.end(), std::greater<>());
-      }
+/// Lowers radii to the largest values that no lattice triangle can lower further, smallest first as Dijkstra's algorithm does;
+/// a node that is lowered after its turn (obtuse triangles) has another one.
+class GradationRun {
+ public:
+  GradationRun(const NodeGraph& graph, double gradation, LimitedRadii& radii) : graph_(graph), g_(gradation), radii_(radii) {}
+
+  void run(const Execution& execution) {
+    find_first_sources(execution.part(0, kSourcesShare));
+    // Every node has about one turn.
+    Ticker ticker(execution.part(kSourcesShare, 1), slot(graph_.size()));
+    while (!heap_.empty()) {
+      ticker.tick();
+      std::pop_heap(heap_.begin(), heap_.end(), std::greater<>());
+      const auto [value, node] = heap_.back();
+      heap_.pop_back();
+      if (value == at(node)) lower_around(node);
     }
   }
-}
+
+ private:
+  static constexpr double kSourcesShare = 0.2;  ///< of the time
+  // Along edges, smaller steps are rounding. Across triangles they are no better than the scheme is, and among needles, which
+  // lower each other in turn, there is no end of them.
+  static constexpr double kEdgeStep = 1e-13, kTriangleStep = 1e-4;
+
+  struct Lowered {
+    double value, growth;
+  };
+
+  double at(Index node) const { return radii_.value[slot(node)]; }
+
+  /// Is `to` too large beside `from`, over an edge of this length?
+  bool lowers_along(double from, double to, double length) const { return from + g_ * length < to * (1 - kEdgeStep); }
+
+  /// Corner k of triangle t by the smallest u(x) + g·|x − c| over the inside of the edge opposite, on which u is linear, if
+  /// that is below `now` by more than the step.
+  bool lowers_across(std::size_t t, std::size_t k, double now, Lowered& lowered) const {
+    const std::size_t i = (k + 1) % 3, j = (k + 2) % 3;
+    const Index a = graph_.triangles[t].corner[i], b = graph_.triangles[t].corner[j];
+    const double ua = at(a), ub = at(b);
+    // It falls from both ends towards the inside: its slopes there are (ub − ua)/length ∓ g·cos of the angle at a, b.
+    const double to_a = graph_.triangles[t].length[j], to_b = graph_.triangles[t].length[i],
+                 length = graph_.triangles[t].length[k];
+    const double squares = length * length + (to_a + to_b) * (to_a - to_b);
+    if (!(2 * (ub - ua) * to_a < g_ * squares)) return false;
+    if (!(2 * (ua - ub) * to_b < g_ * (2 * length * length - squares))) return false;
+    const double slope = (ub - ua) / length, rest = g_ * g_ - slope * slope;
+    if (!(rest > 0)) return false;
+    const Vec3 pa = graph_.position(a), ac = graph_.position(graph_.triangles[t].corner[k]) - pa;
+    const Vec3 along = (graph_.position(b) - pa) / length;
+    const double foot = dot(along, ac), height = norm(ac - foot * along);
+    // d/dx (ua + slope·x + g √((x − foot)² + height²)) = 0.
+    const double root = std::sqrt(rest), x = foot - slope * height / root;
+    if (!(x > 0 && x < length)) return false;
+    lowered.value = ua + slope * foot + height * root;
+    if (!(lowered.value < now * (1 - kTriangleStep))) return false;
+    const double ga = radii_.growth[slot(a)], gb = radii_.growth[slot(b)];
+    lowered.growth = ga + x / length * (gb - ga);
+    return true;
+  }
+
+  /// Nodes that lower others and are not lowered by any: all the rest follows from these, since whatever lowers is smaller.
+  void find_first_sources(const Execution& execution) {
+    std::vector<std::atomic<char>> lowers(slot(graph_.size())), is_lowered(slot(graph_.size()));
+    for_each_index_on_all_threads(graph_.triangles.size(), execution.part(0, 0.9), [&](std::size_t t) {
+      const auto note = [&](Index source, Index target) {
+        lowers[slot(source)].store(1, std::memory_order_relaxed);
+        is_lowered[slot(target)].store(1, std::memory_order_relaxed);
+      };
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Index c = graph_.triangles[t].corner[k], a = graph_.triangles[t].corner[(k + 1) % 3],
+                    b = graph_.triangles[t].corner[(k + 2) % 3];
+        const Index low = at(a) < at(b) ? a : b, high = low == a ? b : a;
+        if (lowers_along(at(low), at(high), graph_.triangles[t].length[k])) note(low, high);
+        Lowered lowered;
+        if (at(c) > at(low) && lowers_across(t, k, at(c), lowered)) note(low, c);
+      }
+    });
+    for_each_index(graph_.size(), execution.part(0.9, 1), [&](Index n) {
+      if (lowers[slot(n)] != 0 && is_lowered[slot(n)] == 0) heap_.emplace_back(at(n), n);
+    });
+    std::make_heap(heap_.begin(), heap_.end(), std::greater<>());
+  }
+
+  void lower_around(Index node) {
+    const double value = at(node), growth = radii_.growth[slot(node)];
+    lowered_.clear();
+    for (std::size_t i = graph_.begin[slot(node)]; i < graph_.begin[slot(node) + 1]; ++i) {
+      const std::size_t t = graph_.corners_at[i] / 4, own = graph_.corners_at[i] % 4;
+      for (std::size_t step = 1; step <= 2; ++step) {
+        const std::size_t k = (own + step) % 3, opposite = 3 - own - k;
+        const Index target = graph_.triangles[t].corner[k];
+        const double now = at(target);
+        if (now <= std::min(value, at(graph_.triangles[t].corner[opposite]))) continue;
+        Lowered best{now, 0}, across;
+        if (lowers_along(value, now, graph_.triangles[t].length[opposite]))
+          best = {value + g_ * graph_.triangles[t].length[opposite], growth};
+        if (lowers_across(t, k, best.value, across)) best = across;
+        if (!(best.value < now)) continue;
+        radii_.value[slot(target)] = best.value;
+        radii_.growth[slot(target)] = best.growth;
+        if (std::find(lowered_.begin(), lowered_.end(), target) == lowered_.end()) lowered_.push_back(target);
+      }
+    }
+    for (const Index target : lowered_) {
+      heap_.emplace_back(at(target), target);
+      std::push_heap(heap_.begin(), heap_.end(), std::greater<>());
+    }
+  }
+
+  const NodeGraph& graph_;
+  double g_;
+  LimitedRadii& radii_;
+  std::vector<std::pair<double, Index>> heap_;
+  std::vector<Index> lowered_;  ///< in one turn
+};
 
 void require_gradation(double gradation) {
   if (!(gradation > 0)) refuse_sizing("the gradation " + number_text(gradation) + " is not positive");
@@ -195,20 +286,71 @@ class GradationLimiter {
     });
   }
 
-  SizingField limited(double factor, double gradation, const Execution& execution) const {
-    std::vector<double> u = smallest_;
-    for (double& r : u) r *= factor;
-    limit_gradation(graph_, gradation, execution.part(0, 0.9), u);
+  /// The limited multiple itself, or what is above it, to be limited.
+  LimitedRadii unlimited(double factor) const {
+    LimitedRadii radii{smallest_, smallest_};
+    for (double& r : radii.value) r *= factor;
+    return radii;
+  }
+  /// What is foreseen for another factor, nowhere below the limited field.
+  void foresee(double factor_before, double factor, LimitedRadii& radii) const {
+    for (std::size_t n = 0; n < smallest_.size(); ++n) {
+      const double highest = factor * smallest_[n];
+      radii.value[n] += (factor - factor_before) * radii.growth[n];
+      if (radii.value[n] < highest) continue;
+      radii.value[n] = highest;
+      radii.growth[n] = smallest_[n];
+    }
+  }
+
+  SizingField limited(double gradation, LimitedRadii& radii, const Execution& execution) const {
+    GradationRun(graph_, gradation, radii).run(execution.part(0, 0.9));
     std::vector<double> nodes(lattice_->num_nodes());
-    for_each_index(nodes.size(), execution.part(0.9, 0.96), [&](std::size_t n) { nodes[n] = u[slot(graph_.node(n))]; });
+    for_each_index(nodes.size(), execution.part(0.9, 0.96),
+                   [&](std::size_t n) { nodes[n] = radii.value[slot(graph_.node(n))]; });
     return SizingFieldAccess::of_scale(SizingFieldAccess::make(lattice_, std::move(nodes), execution.part(0.96, 1)), scale_);
   }
 
+  /// The change of the factor at which the mean size of disks, 1/√∫dA/r² as foreseen, is `growth` times what it is.
+  double change_for(double growth, const LimitedRadii& radii, const Execution& execution) const {
+    if (node_area_.empty()) spread_areas(execution);
+    // Newton's method; the mean size is nearly linear in the factor.
+    constexpr int kMaxNewtonSteps = 6;
+    double change = 0, wanted = 0;
+    for (int step = 0; step < kMaxNewtonSteps; ++step) {
+      double integral = 0, slope = 0;
+      for_each_index(smallest_.size(), execution, [&](std::size_t n) {
+        const double r = radii.value[n] + change * radii.growth[n], density = node_area_[n] / (r * r);
+        integral += density;
+        slope += density * radii.growth[n] / r;
+      });
+      const double mean = 1 / std::sqrt(integral);
+      if (step == 0) wanted = growth * mean;
+      const double next = change + (wanted - mean) * integral / (slope * mean);
+      if (!(std::abs(next - change) > kEnough * std::abs(next))) return next;
+      change = next;
+    }
+    return change;
+  }
+
  private:
+  static constexpr double kEnough = 1e-3;  ///< of a change: what is foreseen is not better
+
+  /// A third of the area of each lattice triangle to each of its nodes.
+  void spread_areas(const Execution& execution) const {
+    node_area_.assign(smallest_.size(), 0);
+    for_each_index(lattice_->num_pieces(), execution, [&](std::size_t t) {
+      const Index f = lattice_->simple() ? static_cast<Index>(t) : lattice_->piece_facet[t];
+      const double k = lattice_->k(f), area = lattice_->areas[slot(f)] / (k * k);
+      for (const Index node : graph_.triangles[t].corner) node_area_[slot(node)] += area / 3;
+    });
+  }
+
   const std::shared_ptr<const SizingLattice> lattice_;
   const MeshScale scale_;
   NodeGraph graph_;
-  std::vector<double> smallest_;  ///< by node of the graph: where entries of the table disagree, the smallest
+  std::vector<double> smallest_;           ///< by node of the graph: where entries of the table disagree, the smallest
+  mutable std::vector<double> node_area_;  ///< once asked for
 };
 
 }  // namespace
@@ -219,7 +361,8 @@ SizingField SizingField::limited(double gradation, const Execution& execution) c
   if (std::isinf(gradation)) return *this;
   const Execution job = execution.start(detail::kGradationStage);
   const detail::GradationLimiter limiter(*this, job.part(0, 0.18));
-  SizingField result = limiter.limited(1, gradation, job.part(0.18, 1));
+  detail::LimitedRadii radii = limiter.unlimited(1);
+  SizingField result = limiter.limited(gradation, radii, job.part(0.18, 1));
   job.finish();
   return result;
 }
@@ -233,17 +376,18 @@ SizingField for_count(const SizingField& field, double count, double gradation, 
     job.finish();
     return result;
   }
-  double from = 0.06;
+  double from = 0.2;
   const detail::GradationLimiter limiter(field, job.part(0.01, from));
-  // The mean size of disks over the wanted one grows with s, in proportion where nothing is limited: false position with
-  // halving (Illinois) takes a few steps. The limit makes disks smaller, so s is not below `unlimited`.
+  // The mean size of disks over the wanted one grows with s. The limit makes disks smaller, so s is not below `unlimited`. Each
+  // step goes where the field as foreseen has the wanted mean, which is off by the second order of the step.
   constexpr double kClose = 2.5e-3;  // counts depart from the integral by more than twice that anyway
-  constexpr int kMaxSteps = 40;
-  double low = 0, low_off = -1, high = 0, high_off = 0, last_off = 0, s = unlimited;
+  constexpr int kMaxSteps = 40, kForeseenSteps = 8;
+  double low = 0, high = std::numeric_limits<double>::infinity(), s = unlimited;
+  detail::LimitedRadii radii = limiter.unlimited(s);
   for (int step = 0;; ++step) {
-    // Three or four steps are usual; of more, each takes two thirds of what is left.
-    const double to = from + (1 - from) / std::max(1.5, 3.8 - step), counting = from + 0.95 * (to - from);
-    SizingField result = limiter.limited(s, gradation, job.part(from, counting));
+    // The first step limits everything, others change little.
+    const double to = from + (1 - from) * (step == 0 ? 0.6 : 0.5), counting = from + 0.8 * (to - from);
+    SizingField result = limiter.limited(gradation, radii, job.part(from, counting));
     const double off = 1 / count_factor(result, count, job.part(counting, to)) - 1;
     if (std::abs(off) < kClose || step == kMaxSteps) {
       job.finish();
@@ -251,10 +395,10 @@ SizingField for_count(const SizingField& field, double count, double gradation, 
     }
     from = to;
     (off < 0 ? low : high) = s;
-    (off < 0 ? low_off : high_off) = off;
-    if (last_off * off > 0) (off < 0 ? high_off : low_off) /= 2;  // the same end moved twice
-    last_off = off;
-    s = high > 0 ? (low * high_off - high * low_off) / (high_off - low_off) : s / (1 + off);
+    double next = s + limiter.change_for(1 / (1 + off), radii, job.part(from, from));
+    if (!(next > low && next < high) || step >= kForeseenSteps) next = std::isinf(high) ? 2 * s : (low + high) / 2;
+    limiter.foresee(s, next, radii);
+    s = next;
   }
 }
 

@@ -14,6 +14,8 @@
 #include "amps/triangulation.h"
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -26,6 +28,7 @@ namespace {
 
 using detail::dot;
 using detail::for_each_index;
+using detail::for_each_index_on_all_threads;
 using detail::norm;
 using detail::normalized;
 using detail::slot;
@@ -52,8 +55,15 @@ class PoleSamples {
     diagonal_ = norm(scale_ * box.max - scale_ * box.min);
     for (Index f = 0; f < mesh.num_facets(); ++f) total_area_ += areas_[slot(f)] * scale_ * scale_;
     sample_of_vertex_.assign(slot(mesh.num_vertices()), kNone);
-    visit_lattices(execution.part(0.3, 1));
+    facets_.resize(areas_.size());
+    for_each_index_on_all_threads(facets_.size(), execution.part(0.3, 0.5), [&](std::size_t f) {
+      if (areas_[f] > 0) facets_[f] = {weighted_normal(static_cast<Index>(f)), longest_edge_of(static_cast<Index>(f))};
+    });
+    visit_lattices(execution.part(0.5, 1));
   }
+
+  /// Of the mesh's facets, in its units.
+  const std::vector<double>& areas() const { return areas_; }
 
   double scale() const { return scale_; }
   double diagonal() const { return diagonal_; }
@@ -95,6 +105,10 @@ class PoleSamples {
   static constexpr int kMaxLevel = 10;
   static constexpr Index kRowsPerLook = 16;  ///< of up to 2^kMaxLevel nodes
 
+  struct Facet {
+    Vec3 normal = Vec3::Zero();  ///< times twice the area
+    double longest_edge = 0;
+  };
   /// What the facets around a sample are like.
   struct Surrounding {
     Vec3 normal = Vec3::Zero();  ///< sum of their normals times area, each turned to agree with those before
@@ -116,12 +130,13 @@ class PoleSamples {
     const Vec3 a = scale_ * mesh_.corner(f, 0);
     return (scale_ * mesh_.corner(f, 1) - a).cross(scale_ * mesh_.corner(f, 2) - a);
   }
-  double longest_edge(Index f) const {
+  double longest_edge(Index f) const { return facets_[slot(f)].longest_edge; }
+  double longest_edge_of(Index f) const {
     const Vec3 a = scale_ * mesh_.corner(f, 0), b = scale_ * mesh_.corner(f, 1), c = scale_ * mesh_.corner(f, 2);
     return std::max({norm(b - a), norm(c - b), norm(a - c)});
   }
 
-  bool too_coarse(Index f, int level, double wanted) const { return std::ldexp(longest_edge(f), -level) > 1.4142 * wanted; }
+  bool too_coarse(Index f, int level, double wanted) const { return longest_edge(f) > std::ldexp(1.4142 * wanted, level); }
   /// False for what may stay as it is whatever the feature size. Facets without a lattice are given twice as much room: a mesh
   /// whose own vertices will do should not be triangulated twice for a few long edges.
   bool may_refine(Index f, double shortest) const {
@@ -143,8 +158,8 @@ class PoleSamples {
     std::fill(around_.begin(), around_.end(), Surrounding());
     for_each_index(mesh_.num_facets(), execution, [&](Index f) {
       if (!(areas_[slot(f)] > 0)) return;
-      const Vec3 normal = weighted_normal(f);
-      const double edge = std::ldexp(longest_edge(f), -level_[slot(f)]);
+      const auto& [normal, longest] = facets_[slot(f)];
+      const double edge = level_[slot(f)] == 0 ? longest : std::ldexp(longest, -level_[slot(f)]);
       for (int k = 0; k < 3; ++k) {
         Index& sample = sample_of_vertex_[slot(mesh_.triangles(f, k))];
         if (sample == kNone) sample = find_or_add(scale_ * mesh_.corner(f, k));
@@ -175,12 +190,32 @@ class PoleSamples {
 
   const MeshView& mesh_;
   std::vector<double> areas_;
+  std::vector<Facet> facets_;  ///< those with area
   std::vector<std::uint8_t> level_;
   std::vector<Index> sample_of_vertex_;
   detail::DistinctPoints points_;  ///< the samples
   std::vector<Surrounding> around_;
   double scale_ = 1, diagonal_ = 0, total_area_ = 0;
 };
+
+/// The cells of a triangulation are a function of its points, but their numbers and the order of their corners depend on the
+/// number of threads. What is computed from a cell is computed from its corners in descending order, the same on any number.
+using SortedCorners = std::array<Index, 4>;
+
+SortedCorners sorted_corners(const RegularTriangulation::Cell& cell) {
+  SortedCorners v = cell.vertex;
+  const auto order = [&v](std::size_t i, std::size_t j) {
+    const Index a = v[i], b = v[j];
+    v[i] = std::max(a, b);
+    v[j] = std::min(a, b);
+  };
+  order(0, 1);
+  order(2, 3);
+  order(0, 2);
+  order(1, 3);
+  order(1, 2);
+  return v;
+}
 
 /// The ball through the corners of a Delaunay cell.
 struct PoleBall {
@@ -189,7 +224,8 @@ struct PoleBall {
 };
 
 PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTriangulation::Cell& cell) {
-  const auto at = [&](std::size_t k) -> Vec3 { return triangulation.point(cell.vertex[k]).position(); };
+  const SortedCorners corner = sorted_corners(cell);
+  const auto at = [&](std::size_t k) -> Vec3 { return triangulation.point(corner[k]).position(); };
   const Vec3 u = at(1) - at(0), v = at(2) - at(0), w = at(3) - at(0);
   const double uu = squared_norm(u), vv = squared_norm(v), ww = squared_norm(w);
   const Vec3 vw = v.cross(w), wu = w.cross(u), uv = u.cross(v);
@@ -210,49 +246,154 @@ PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTrian
 }
 
 struct Pole {
-  Vec3 center;
-  double radius;
-  double resolved;  ///< radius over the spacing of samples
-  double apart;     ///< the longest distance between points where the ball touches, over its radius
-  bool opposite;    ///< it touches two sheets, one nearly above the other for the tangent planes of both
+  Vec3 center = Vec3::Zero();
+  double radius = -1;     ///< < 0: none
+  double apart = 0;       ///< the longest distance between points where the ball touches, over its radius
+  bool opposite = false;  ///< it touches two sheets, one nearly above the other for the tangent planes of both
 };
 
-/// The poles of all samples, in their order, and what filters ask of them.
+/// The poles of all samples, and what filters ask of them.
 class PoleFinder {
  public:
-  PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation, const Execution& execution)
-      : samples_(samples), triangulation_(triangulation) {
-    detail::resize_watched(balls_, slot(triangulation.cell_capacity()), PoleBall(), execution.part(0, 0));
-    for_each_index(triangulation.cell_capacity(), execution.part(0, 0.5), [&](Index c) {
-      const auto& cell = triangulation.cell(c);
-      if (cell.alive() && !cell.ghost()) balls_[slot(c)] = pole_ball(triangulation, cell);
-    });
-    find_first(execution.part(0.5, 0.75));
-    find_second(execution.part(0.75, 1));
+  PoleFinder(const PoleSamples& samples, const RegularTriangulation& triangulation)
+      : samples_(samples), triangulation_(triangulation) {}
+
+  /// Finds the poles of new samples, and those that new samples have changed. A cell that is left has kept its number, and has
+  /// old samples for corners; every other has a new one; a sample of which no cell is new has lost none.
+  void update(const Execution& execution) {
+    const std::size_t n = slot(triangulation_.num_vertices());
+    changed_ = std::vector<std::atomic<char>>(n);
+    for (std::size_t v = num_old_; v < n; ++v) changed_[v].store(1, std::memory_order_relaxed);
+    find_balls(execution.part(0, 0.35));
+    first_ = chosen_again(first_, n);
+    second_ = chosen_again(second_, n);
+    direction_.resize(n, Vec3::Zero());
+    find_first(execution.part(0.35, 0.6));
+    find_second(execution.part(0.6, 0.8));
+    find_poles(execution.part(0.8, 1));
+    num_old_ = n;
   }
 
-  std::vector<Pole> poles(const Execution& execution) const {
-    std::vector<Vec3> normals;
-    for_each_index(triangulation_.num_vertices(), execution.part(0, 0.1),
-                   [&](Index s) { normals.push_back(samples_.normal(s)); });
-    std::vector<Pole> result;
-    for_each_index(triangulation_.num_vertices(), execution.part(0.1, 1), [&](Index s) {
-      for (const Index c : {first_[slot(s)], second_[slot(s)]}) {
-        if (c == kNone) continue;
-        const double radius = std::sqrt(balls_[slot(c)].squared_radius), resolved = radius / samples_.spacing(s);
-        // Between sheets closer than the spacing of samples the radii of cells say little, and nothing else is that small.
-        constexpr double kMinResolved = 0.5;
-        if (resolved < kMinResolved) continue;
-        result.push_back({balls_[slot(c)].center, radius, resolved, 0, false});
-        see_contacts(c, normals, result.back());
-      }
-    });
+  /// Those of sample s are 2·s and 2·s + 1.
+  const std::vector<Pole>& poles() const { return poles_; }
+  /// The radius of a pole over the spacing of samples around its own.
+  double resolved(std::size_t pole) const { return poles_[pole].radius / samples_.spacing(static_cast<Index>(pole / 2)); }
+
+ private:
+  using Chosen = std::vector<std::atomic<Index>>;  ///< cells, by sample
+
+  static Index at(const Chosen& chosen, std::size_t s) { return chosen[s].load(std::memory_order_relaxed); }
+  bool changed(std::size_t s) const { return changed_[s].load(std::memory_order_relaxed) != 0; }
+  bool changed(Index s) const { return changed(slot(s)); }
+  Chosen chosen_again(const Chosen& before, std::size_t n) const {
+    Chosen result(n);
+    for (std::size_t s = 0; s < n; ++s)
+      result[s].store(s < num_old_ && !changed(s) ? at(before, s) : kNone, std::memory_order_relaxed);
     return result;
   }
 
- private:
-  void see_contacts(Index c, const std::vector<Vec3>& normals, Pole& pole) const {
+  void find_balls(const Execution& execution) {
+    detail::resize_watched(balls_, slot(triangulation_.cell_capacity()), PoleBall(), execution.part(0, 0));
+    for_each_index_on_all_threads(balls_.size(), execution, [&](std::size_t c) {
+      const auto& cell = triangulation_.cell(static_cast<Index>(c));
+      if (!cell.alive()) {
+        balls_[c] = PoleBall();
+        return;
+      }
+      const auto last = *std::max_element(cell.vertex.begin(), cell.vertex.end());
+      if (slot(last) < num_old_) {
+        AMPS_ASSERT(cell.ghost() || pole_ball(triangulation_, cell).center == balls_[c].center);
+        return;
+      }
+      for (const Index v : cell.vertex) {
+        if (v != RegularTriangulation::kInfinite) changed_[slot(v)].store(1, std::memory_order_relaxed);
+      }
+      balls_[c] = cell.ghost() ? PoleBall() : pole_ball(triangulation_, cell);
+    });
+  }
+
+  /// Is the centre of cell c farther from their common samples than that of `best`? Equally far ones go by corners.
+  bool farther(Index c, Index best) const {
+    if (best == kNone) return true;
+    const double square = balls_[slot(c)].squared_radius, best_square = balls_[slot(best)].squared_radius;
+    if (square != best_square) return square > best_square;
+    return sorted_corners(triangulation_.cell(c)) < sorted_corners(triangulation_.cell(best));
+  }
+
+  /// Threads may come in any order: what remains is the farthest.
+  void keep_farthest(std::atomic<Index>& best, Index c) const {
+    Index now = best.load(std::memory_order_relaxed);
+    while (farther(c, now) && !best.compare_exchange_weak(now, c, std::memory_order_relaxed)) {
+    }
+  }
+
+  Vec3 from_sample(Index v, const PoleBall& ball) const { return ball.center - triangulation_.point(v).position(); }
+
+  /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
+  /// outward.
+  void find_first(const Execution& execution) {
+    for_each_index_on_all_threads(balls_.size(), execution.part(0, 0.6), [&](std::size_t c) {
+      if (balls_[c].squared_radius < 0) return;
+      for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex) {
+        if (changed(v)) keep_farthest(first_[slot(v)], static_cast<Index>(c));
+      }
+    });
+    for_each_index_on_all_threads(first_.size(), execution.part(0.6, 0.7), [&](std::size_t v) {
+      if (!changed(v)) return;
+      const Index c = at(first_, v);
+      direction_[v] = c == kNone ? Vec3(Vec3::Zero()) : from_sample(static_cast<Index>(v), balls_[slot(c)]);
+    });
+    std::vector<std::array<Index, 3>> hull;
+    for_each_index(triangulation_.cell_capacity(), execution.part(0.7, 0.9), [&](Index c) {
+      const auto& cell = triangulation_.cell(c);
+      if (!cell.alive() || !cell.ghost()) return;
+      hull.push_back({cell.vertex[0], cell.vertex[1], cell.vertex[2]});
+      std::rotate(hull.back().begin(), std::min_element(hull.back().begin(), hull.back().end()), hull.back().end());
+      for (const Index v : hull.back()) {
+        first_[slot(v)].store(kNone, std::memory_order_relaxed);
+        if (changed(v)) direction_[slot(v)] = Vec3::Zero();
+      }
+    });
+    std::sort(hull.begin(), hull.end());
+    for_each_index(hull.size(), execution.part(0.9, 1), [&](std::size_t f) {
+      const Vec3 a = triangulation_.point(hull[f][0]).position();
+      const Vec3 ab = triangulation_.point(hull[f][1]).position() - a, ac = triangulation_.point(hull[f][2]).position() - a;
+      const Vec3 normal = stable_normalized(ab.cross(ac));
+      for (const Index v : hull[f]) {
+        if (changed(v)) direction_[slot(v)] += normal;
+      }
+    });
+  }
+
+  /// The farthest on the other side of the surface.
+  void find_second(const Execution& execution) {
+    for_each_index_on_all_threads(balls_.size(), execution, [&](std::size_t c) {
+      if (balls_[c].squared_radius < 0) return;
+      for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex) {
+        if (changed(v) && dot(from_sample(v, balls_[c]), direction_[slot(v)]) < 0)
+          keep_farthest(second_[slot(v)], static_cast<Index>(c));
+      }
+    });
+  }
+
+  void find_poles(const Execution& execution) {
+    std::vector<Vec3> normals(first_.size());
+    for_each_index_on_all_threads(normals.size(), execution.part(0, 0.2),
+                                  [&](std::size_t s) { normals[s] = samples_.normal(static_cast<Index>(s)); });
+    poles_.resize(2 * first_.size());
+    for_each_index_on_all_threads(first_.size(), execution.part(0.2, 1), [&](std::size_t s) {
+      if (!changed(s)) return;
+      poles_[2 * s] = pole_at(at(first_, s), normals);
+      poles_[2 * s + 1] = pole_at(at(second_, s), normals);
+    });
+  }
+
+  Pole pole_at(Index c, const std::vector<Vec3>& normals) const {
+    Pole pole;
+    if (c == kNone) return pole;
     constexpr double kSteep = 0.8;  // cos 37°: between the faces of a cube's edge it is 0.71
+    pole.center = balls_[slot(c)].center;
+    pole.radius = std::sqrt(balls_[slot(c)].squared_radius);
     const auto& vertex = triangulation_.cell(c).vertex;
     double longest = 0;
     for (std::size_t i = 0; i < 4; ++i) {
@@ -265,77 +406,35 @@ class PoleFinder {
       }
     }
     pole.apart = std::sqrt(longest) / pole.radius;
-  }
-
-  /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
-  /// outward.
-  void find_first(const Execution& execution) {
-    first_.assign(slot(triangulation_.num_vertices()), kNone);
-    direction_.assign(first_.size(), Vec3::Zero());
-    std::vector<char> on_hull(first_.size(), 0);
-    for_each_index(triangulation_.cell_capacity(), execution.part(0, 0.8), [&](Index c) {
-      const auto& cell = triangulation_.cell(c);
-      if (!cell.alive()) return;
-      if (cell.ghost()) {
-        const Vec3 a = triangulation_.point(cell.vertex[0]).position();
-        const Vec3 ab = triangulation_.point(cell.vertex[1]).position() - a;
-        const Vec3 ac = triangulation_.point(cell.vertex[2]).position() - a;
-        const Vec3 normal = stable_normalized(ab.cross(ac));
-        for (std::size_t k = 0; k < 3; ++k) {
-          const std::size_t v = slot(cell.vertex[k]);
-          direction_[v] += normal;
-          on_hull[v] = 1;
-        }
-        return;
-      }
-      for (const Index v : cell.vertex) {
-        Index& best = first_[slot(v)];
-        const double square = balls_[slot(c)].squared_radius;
-        if (square >= 0 && (best == kNone || square > balls_[slot(best)].squared_radius)) best = c;
-      }
-    });
-    for_each_index(first_.size(), execution.part(0.8, 1), [&](std::size_t v) {
-      if (on_hull[v] != 0) {
-        first_[v] = kNone;
-      } else if (first_[v] != kNone) {
-        direction_[v] = balls_[slot(first_[v])].center - triangulation_.point(static_cast<Index>(v)).position();
-      }
-    });
-  }
-
-  /// The farthest on the other side of the surface.
-  void find_second(const Execution& execution) {
-    second_.assign(first_.size(), kNone);
-    for_each_index(triangulation_.cell_capacity(), execution, [&](Index c) {
-      const auto& cell = triangulation_.cell(c);
-      const PoleBall& ball = balls_[slot(c)];
-      if (!cell.alive() || cell.ghost() || ball.squared_radius < 0) return;
-      for (const Index v : cell.vertex) {
-        Index& best = second_[slot(v)];
-        if (best != kNone && ball.squared_radius <= balls_[slot(best)].squared_radius) continue;
-        if (dot(ball.center - triangulation_.point(v).position(), direction_[slot(v)]) < 0) best = c;
-      }
-    });
+    return pole;
   }
 
   const PoleSamples& samples_;
   const RegularTriangulation& triangulation_;
-  std::vector<PoleBall> balls_;  ///< by cell
-  std::vector<Index> first_, second_;
-  std::vector<Vec3> direction_;
+  std::size_t num_old_ = 0;                 ///< samples, in the last update
+  std::vector<std::atomic<char>> changed_;  ///< by sample
+  std::vector<PoleBall> balls_;             ///< by cell
+  Chosen first_, second_;
+  std::vector<Vec3> direction_;  ///< to the first
+  std::vector<Pole> poles_;
 };
 
 /// Of the poles that count, one for each box of a grid of side `fineness` times the pole's radius, rounded down to a power of
 /// two: the poles of a sphere are all one point, and a search among many that are equally near looks at each.
 template <class Filter>
-Points thinned_poles(const std::vector<Pole>& poles, double fineness, const Filter& counts, const Execution& execution) {
+Points thinned_poles(const PoleFinder& finder, double fineness, const Filter& counts, const Execution& execution) {
+  // Between sheets closer than the spacing of samples the radii of cells say little, and nothing else is that small.
+  constexpr double kMinResolved = 0.5;
+  const std::vector<Pole>& poles = finder.poles();
   std::size_t capacity = 16;
   while (capacity < 2 * poles.size()) capacity *= 2;
   std::vector<std::uint64_t> table(capacity, 0);
   std::vector<double> kept;
   for_each_index(poles.size(), execution, [&](std::size_t i) {
     const Pole& pole = poles[i];
-    if (!counts(pole)) return;
+    if (pole.radius < 0) return;
+    const double resolved = finder.resolved(i);
+    if (resolved < kMinResolved || !counts(pole, resolved)) return;
     int exponent = 0;
     std::frexp(pole.radius * fineness, &exponent);
     std::uint64_t key = static_cast<std::uint64_t>(static_cast<std::int64_t>(exponent));
@@ -368,30 +467,33 @@ class MedialAxis {
     const double triangulated = from + kTriangulationShare * (to - from);
     RegularTriangulation triangulation(samples_.positions_from(0), no_weights(samples_.size()),
                                        execution.part(from, triangulated));
-    std::vector<Pole> poles = find_poles(triangulation, execution.part(triangulated, to));
+    PoleFinder finder(samples_, triangulation);
+    finder.update(execution.part(triangulated, to));
     for (int round = 0; round < kRounds && coarse; ++round) {
       from = to;
       to = (from + kRoundsEnd) / 2;
       const Execution job = execution.part(from, to);
       // What must be resolved is where the surface comes near itself; near creases that never ends.
       set_poles(
-          poles, [](const Pole& pole) { return pole.opposite; }, job.part(0, 0.1));
+          finder, [](const Pole& pole, double) { return pole.opposite; }, job.part(0, 0.1));
       const Index before = samples_.size();
       samples_.refine(
           kSpacing, shortest, [this](const Vec3& x) { return scaled_distance(x); }, job.part(0.1, 0.3));
       if (samples_.size() == before) break;
       triangulation.insert(samples_.positions_from(before), no_weights(samples_.size() - before), job.part(0.3, 0.8));
-      poles = find_poles(triangulation, job.part(0.8, 1));
+      finder.update(job.part(0.8, 1));
       if (samples_.size() - before < kSettled * before) break;
       coarse = samples_.coarser_than(shortest, job.part(1, 1));
     }
     set_poles(
-        poles,
-        [&](const Pole& pole) {
-          return pole.opposite || (pole.resolved >= options.min_pole_ratio && pole.apart >= separation);
+        finder,
+        [&](const Pole& pole, double resolved) {
+          return pole.opposite || (resolved >= options.min_pole_ratio && pole.apart >= separation);
         },
         execution.part(kRoundsEnd, 1));
   }
+
+  const std::vector<double>& areas() const { return samples_.areas(); }
 
   double distance(const Vec3& x) const {
     return std::clamp(scaled_distance(samples_.scale() * x), kMinDistance * samples_.diagonal(), samples_.diagonal()) /
@@ -411,13 +513,9 @@ class MedialAxis {
 
   static std::vector<double> no_weights(Index n) { return std::vector<double>(slot(n), 0.0); }
 
-  std::vector<Pole> find_poles(const RegularTriangulation& triangulation, const Execution& execution) const {
-    return PoleFinder(samples_, triangulation, execution.part(0, 0.6)).poles(execution.part(0.6, 1));
-  }
-
   template <class Filter>
-  void set_poles(const std::vector<Pole>& poles, const Filter& counts, const Execution& execution) {
-    const Points thinned = thinned_poles(poles, kFineness, counts, execution.part(0, 0.6));
+  void set_poles(const PoleFinder& finder, const Filter& counts, const Execution& execution) {
+    const Points thinned = thinned_poles(finder, kFineness, counts, execution.part(0, 0.6));
     tree_ = KdTree(thinned, execution.part(0.6, 1));
   }
 
@@ -485,8 +583,8 @@ SizingField lfs_sizing(const MeshView& mesh, const LfsOptions& options, const Ex
   TabulationOptions tabulation;
   tabulation.tolerance = options.tolerance;
   tabulation.finest = 1;  // lfs is 1-Lipschitz: a finer mesh resolves it
-  SizingField field = function_sizing(
-      mesh, [&](const SurfacePoint& at) { return axis.distance(at.position); }, tabulation, job.part(kAxisEnd, 0.98));
+  SizingField field = detail::tabulate_positions(
+      mesh, axis.areas(), [&](const Vec3& x) { return axis.distance(x); }, tabulation, job.part(kAxisEnd, 0.98));
   if (options.scale != 1) field = field.scaled(options.scale, job.part(0.98, 1));
   job.finish();
   return field;

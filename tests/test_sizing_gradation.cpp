@@ -103,6 +103,14 @@ TEST_CASE("sizing: for_count reaches the count with the gradation it is given, a
       CHECK(steepest(mesh, fitted) <= gradation * (1 + 1e-6));
       CHECK(fitted.max_radius() <= 16 * fitted.min_radius() * (1 + 1e-12));
       require_same(fitted.limited(gradation), fitted);
+      // It goes on from one factor to the next, and comes to what limits the last one from the beginning.
+      const SizingField afresh = field.scaled(fitted.min_radius() / field.min_radius()).limited(gradation);
+      double worst = 0;
+      for (std::size_t i = 0; i < fitted.num_pieces(); ++i) {
+        const auto a = fitted.piece(i).radii, b = afresh.piece(i).radii;
+        for (std::size_t c = 0; c < 3; ++c) worst = std::max(worst, std::abs(a[c] / b[c] - 1));
+      }
+      CHECK(worst < 2e-3);
       // The least radius is limited by nothing, so it tells the factor; limiting makes disks smaller, so that is above plain
       // scaling's.
       CHECK(fitted.min_radius() / field.min_radius() >= amps::count_factor(field, count) * (1 - 3e-3));

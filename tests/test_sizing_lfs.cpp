@@ -106,6 +106,21 @@ TEST_CASE("lfs: noise below a twentieth of the spacing changes little") {
   CHECK(min_of(amps::local_feature_size(noisy, noisy.vertices)) > 0.8);
 }
 
+TEST_CASE("lfs: the same bits on any number of threads") {
+  // Large enough for a triangulation on several threads (8,000 points each): cells then have other numbers and first corners.
+  Rng rng(16);
+  const Mesh bumpy = shaken(amps::make_ellipsoid(81920, {1, 0.7, 0.4}), 0.001, rng);
+  const Mesh ties = amps::make_torus(1, 0.4, 256, 128);  // with many equal circumradii
+  for (const Mesh& mesh : {bumpy, ties, data_mesh_or("bunny_36k_holes.obj", inside_out(bumpy))}) {
+    const SizingField one = amps::lfs_sizing(mesh);
+    for (const unsigned threads : {2u, 3u, 8u}) {
+      const SizingField several = amps::lfs_sizing(mesh, {}, threads);
+      require_same(one, several);
+      require_same(amps::for_count(one.with_ratio(), 2000), amps::for_count(several.with_ratio(), 2000, 0.1, threads));
+    }
+  }
+}
+
 TEST_CASE("lfs: the field tabulates the function, also inside of large facets") {
   for (const Mesh& mesh : {amps::make_cube(1), amps::make_sphere(1280)}) {
     const SizingField field = amps::lfs_sizing(mesh);
