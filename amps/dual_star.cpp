@@ -115,6 +115,13 @@ double StarReader::energy(Index s, DualStar& star) {
   return sum;
 }
 
+bool StarReader::is_bad_crossing(Index s) {
+  if (s < num_fixed_) return false;
+  read(s);
+  DualStar star;
+  return form(star) == Form::kCrossing && rating_.valence(num_neighbors_, false) > 0;
+}
+
 void StarReader::list_bad(Index s, std::vector<BadItem>& items) {
   read(s);
   DualStar star;

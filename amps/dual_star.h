@@ -85,7 +85,7 @@ class StarReader {
   StarReader(const RestrictedPowerDiagram& diagram, const DualRating& rating, Index num_fixed = 0)
       : diagram_(diagram), rating_(rating), num_fixed_(num_fixed) {}
 
-  /// Whether the valence of crossings counts; at first it does not.
+  /// Whether the valence of crossings is rated; at first it is not.
   void rate_crossings(bool on) { rates_crossings_ = on; }
   bool rates_crossings() const { return rates_crossings_; }
 
@@ -110,6 +110,9 @@ class StarReader {
 
   /// Reads s: the rating of its valence and a third of that of its triangles. `star` (out): its ring.
   double energy(Index s, DualStar& star);
+
+  /// Reads s: is it a crossing of bad valence, whether or not these are rated?
+  bool is_bad_crossing(Index s);
 
   /// Reads s and adds what is bad there: s itself, and triangles of which it is the lowest corner.
   void list_bad(Index s, std::vector<BadItem>& items);

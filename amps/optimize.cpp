@@ -47,6 +47,14 @@ constexpr int kMaxForcedSamples = 10;
 constexpr double kWorkPerHalving = 200;
 /// An edit of the diagram counts as so many refills tried.
 constexpr double kWorkOfEdit = 40;
+/// It is given up, too, when the second half of its work has brought less than this share of all that was gained, and has not
+/// halved the energy either. So what resists costs at most about as long again as what does not. (Of 36 models at [35, 105] and
+/// [42, 90], those that come to an end on their own never meet this.)
+constexpr double kMinShareOfGain = 0.05;
+/// But for so much work everything is tried: some tenths of a second. A hard item or two may take as long in any set.
+constexpr double kWorkAtLeast = 200000;
+/// Units of that work, about a microsecond each: for a refill tried, and for a fragment changed by an edit.
+constexpr double kWorkOfTrial = 2, kWorkOfFragment = 1;
 /// Edits spent on vertices at crossings, 0.2 ms each, beyond one for every fourth sample. Where a surface meets itself there
 /// may be no end of them.
 constexpr std::uint64_t kEditsAtCrossings = 500;
@@ -427,6 +435,30 @@ class TimeEstimate {
   double exponent_, first_energy_ = 0;
 };
 
+/// Tells when work brings next to nothing any more.
+class DiminishingReturns {
+ public:
+  /// Where it stands. `work` never falls.
+  void note(double work, double energy) {
+    points_.push_back({work, energy});
+    const double half = (points_.front().work + work) / 2;
+    while (middle_ + 1 < points_.size() && points_[middle_ + 1].work <= half) ++middle_;
+  }
+
+  bool reached() const {
+    const Point &first = points_.front(), &middle = points_[middle_], &last = points_.back();
+    return last.work - first.work > kWorkAtLeast && last.energy > middle.energy / 2 &&
+           middle.energy - last.energy < kMinShareOfGain * (first.energy - last.energy);
+  }
+
+ private:
+  struct Point {
+    double work, energy;
+  };
+  std::vector<Point> points_;
+  std::size_t middle_ = 0;  ///< the last point in the first half of the work
+};
+
 /// The schedule.
 class Optimizer {
  public:
@@ -480,6 +512,7 @@ class Optimizer {
     double halved = INFINITY, work_then = 0;
     double energy_then = INFINITY;
     int iterations_since = 0;
+    DiminishingReturns returns;
     for (int idle = 0;; ++iteration_) {
       std::vector<BadItem> items = bad_items(visiting_);
       const double energy = report.iterations.back().energy;
@@ -490,6 +523,8 @@ class Optimizer {
       }
       const double slowness = (work - work_then) / (kWorkPerHalving * num_given_);
       if (items.empty()) return Outcome::kDone;
+      returns.note(report.iterations.back().work, energy);
+      if (returns.reached()) return Outcome::kStalled;
       if (state_.num_fixed > 0 && ++iterations_since > kIterationsAtCurves) {
         if (energy > kLeftAtCurves * energy_then) return Outcome::kStalled;
         energy_then = energy;
@@ -540,7 +575,8 @@ class Optimizer {
     }
   }
 
-  /// What is bad, and a line of the report. Angles are measured where something is bad, or everywhere.
+  /// What is bad and rated, and a line of the report, which counts what is not rated yet as well. Angles are measured where
+  /// something is bad, or everywhere.
   std::vector<BadItem> bad_items(const Execution& execution, bool measure_all = false) {
     const EditableSamples& samples = state_.samples;
     std::vector<BadItem> items;
@@ -554,6 +590,8 @@ class Optimizer {
       ++line.samples;
       line.energy += state_.stars.energy[slot(s)];
       if (state_.stars.energy[slot(s)] > 0) state_.reader.list_bad(s, items);
+      if (state_.stars.star[slot(s)].size != 0 || state_.reader.rates_crossings()) continue;
+      line.bad_vertices += state_.reader.is_bad_crossing(s);  // all lines count alike
     }
     for (std::size_t k = 0; k < items.size(); ++k) {
       if (k % kEntriesPerLook == 0) execution.report(0);
@@ -564,6 +602,8 @@ class Optimizer {
     line.min_angle = range.min_angle();
     line.max_angle = range.max_angle();
     line.seconds = seconds_ += watch_.lap();
+    line.work = kWorkOfTrial * static_cast<double>(state_.report.trials) +
+                kWorkOfFragment * static_cast<double>(samples.fragments_changed());
     state_.report.iterations.push_back(line);
     energy_change_then_ = refiller_.energy_change_of_all();
     return items;

@@ -59,7 +59,7 @@ struct OptimizeOptions {
 /// The state before an iteration, and, unless cancelled, one more at the end.
 struct OptimizeIteration {
   Index bad_triangles = 0;  ///< 0 if angles are not asked for
-  Index bad_vertices = 0;   ///< 0 if valences are not asked for
+  Index bad_vertices = 0;   ///< 0 if valences are not asked for; those on edges of more than two triangles always count
   double min_angle = 0;     ///< degrees, over bad triangles, over all in the first line and the last; 0 if there is none
   double max_angle = 0;
   Index samples = 0;
@@ -67,11 +67,13 @@ struct OptimizeIteration {
   /// above, 5 a missing or extra valence. Vertices on edges of more than two triangles join when all else is good.
   double energy = 0;
   double seconds = 0;  ///< wall clock since the start
+  /// What it has cost since the start, in about microseconds, from what was done and not from a clock: the same on any machine.
+  double work = 0;
 };
 
 struct OptimizeReport {
-  /// kDone: nothing is bad. kStalled: many visits to all that is bad have brought nothing, or too little; the bounds are too
-  /// tight for this set or surface.
+  /// kDone: nothing is bad. kStalled: many visits to all that is bad have brought nothing, or too little for the work; the
+  /// bounds are too tight for this set or surface.
   Outcome status = Outcome::kDone;
   double min_angle = 0, max_angle = 0;  ///< the bounds used
   std::vector<OptimizeIteration> iterations;

@@ -17,6 +17,8 @@ constexpr std::size_t kPoolPerSample = 12;
 constexpr std::size_t kMaxPool = 96;
 /// Darts thrown at most to find those, for each sample taken out: most fall into disks around.
 constexpr int kPoolDartsPerSample = 110;
+/// So many pieces are counted faster than searched.
+constexpr std::size_t kCountedPieces = 64;
 
 }  // namespace
 
@@ -181,6 +183,18 @@ void RefillFinder::list_pieces() {
   }
 }
 
+/// The piece that an area up to the total comes to.
+std::size_t RefillFinder::piece_at(double area) const {
+  const std::size_t last = pieces_.size() - 1;
+  std::size_t at = 0;
+  // Of few, counted, not searched for: no branch to mispredict. Of many facets to a sample, searched for.
+  if (last > kCountedPieces) {
+    return static_cast<std::size_t>(std::upper_bound(up_to_.begin(), up_to_.end() - 1, area) - up_to_.begin());
+  }
+  for (std::size_t k = 0; k < last; ++k) at += up_to_[k] <= area ? 1 : 0;
+  return at;
+}
+
 /// Uniform darts where removed_ had their cells, outside of all other balls: only there can a gap be.
 void RefillFinder::fill_pool(Rng& rng) {
   pool_.clear();
@@ -192,9 +206,7 @@ void RefillFinder::fill_pool(Rng& rng) {
   const int max_darts = kPoolDartsPerSample * static_cast<int>(removed_.size());
   for (int dart = 0; dart < max_darts && pool_.size() < max_size; ++dart) {
     const double u = rng.uniform() * total;
-    std::size_t at = 0;  // counted, not searched for: no branch to mispredict
-    for (std::size_t k = 0; k + 1 < pieces_.size(); ++k) at += up_to_[k] <= u ? 1 : 0;
-    const Piece& piece = pieces_[at];
+    const Piece& piece = pieces_[piece_at(u)];
     double along_u = rng.uniform(), along_v = rng.uniform();
     const bool other_half = along_u + along_v > 1;  // of the parallelogram
     along_u = other_half ? 1 - along_u : along_u;

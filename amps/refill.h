@@ -86,6 +86,7 @@ class RefillFinder {
   bool copy_patch();
   int local(Index s);
   void list_pieces();
+  std::size_t piece_at(double area) const;
   void fill_pool(Rng& rng);
   bool try_refill(Rng& rng);
 

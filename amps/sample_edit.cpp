@@ -91,6 +91,7 @@ SampleEdit::SampleEdit(EditableSamples& samples, const std::vector<Index>& remov
 
 void SampleEdit::note_changed() {
   const RestrictedPowerDiagram& diagram = samples_.diagram_;
+  samples_.fragments_changed_ += diagram.changed().size();
   changed_fragments_.insert(changed_fragments_.end(), diagram.changed().begin(), diagram.changed().end());
   change_.affected.insert(change_.affected.end(), diagram.changed_sites().begin(), diagram.changed_sites().end());
 }

@@ -10,6 +10,7 @@
 #include "amps/samples.h"
 #include "amps/wanted_radii.h"
 
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -34,6 +35,9 @@ class EditableSamples {
   /// Of a sample that is alive, as the next.
   const Sample& operator[](Index s) const { return samples_[slot(s)]; }
 
+  /// Fragments that edits have changed so far, each as often as it was: what edits have cost, on any machine.
+  std::uint64_t fragments_changed() const { return fragments_changed_; }
+
   /// Exact: do these disks keep the distance of the rule from each other and from all samples?
   bool are_apart(const std::vector<Sample>& disks, ConflictRule rule) const;
 
@@ -52,6 +56,7 @@ class EditableSamples {
   std::vector<Sample> samples_;
   std::vector<char> alive_, is_new_;
   std::vector<Index> free_;  ///< ids to be used again
+  std::uint64_t fragments_changed_ = 0;
 };
 
 /// What an edit that was kept has done: enough to undo it.

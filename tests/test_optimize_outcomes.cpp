@@ -105,6 +105,37 @@ TEST_CASE("optimize: what is good is left alone") {
   CHECK(again.report.trials == 0);
 }
 
+TEST_CASE("optimize: out of reach, it ends when half of its work has brought next to nothing, and not before") {
+  constexpr double kAlways = 200000;  // work that is not measured by what it brings
+  int measured = 0, stalled = 0;
+  std::vector<TestSet> sets = manifold_sets(500);
+  sets.push_back(uniform_set("dense sphere", amps::make_sphere(20480), 500));
+  for (const TestSet& set : sets) {
+    CAPTURE(set.name);
+    OptimizeOptions options = options_for(set);
+    options.min_angle = 49;
+    options.max_angle = 82;
+    const OptimizeResult result = optimized(set, options);
+    stalled += result.report.status == Outcome::kStalled;
+    const std::vector<OptimizeIteration>& lines = result.report.iterations;
+    // Has the second half of the work up to this line neither halved the energy nor brought a twentieth of the gain?
+    const auto brings_little = [&](std::size_t k) {
+      std::size_t middle = 0;
+      for (std::size_t j = 0; j <= k; ++j) middle = 2 * lines[j].work <= lines[k].work ? j : middle;
+      const double gain = lines[0].energy - lines[k].energy, late = lines[middle].energy - lines[k].energy;
+      return 2 * lines[k].energy > lines[middle].energy && 20 * late < gain;
+    };
+    for (std::size_t k = 1; k < lines.size(); ++k) {
+      CHECK(lines[k].work >= lines[k - 1].work);
+      if (k + 1 == lines.size() || lines[k].work <= kAlways) continue;
+      ++measured;
+      CHECK(!brings_little(k));
+    }
+  }
+  CHECK(measured > 10);
+  CHECK(stalled > 3);
+}
+
 TEST_CASE("optimize: a few samples, on closed and open surfaces") {
   const std::vector<NamedMesh> meshes = {{"sphere", amps::make_sphere(80)},
                                          {"square", amps::make_square(2)},

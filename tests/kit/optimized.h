@@ -115,7 +115,8 @@ inline void check_state(const TestSet& set, const SampleSet& samples) {
 
 /// What is bad in a triangulation, by a formula, a walk and a container of its own.
 struct Badness {
-  Index triangles = 0, vertices = 0;
+  Index triangles = 0, vertices = 0;  ///< of the latter those that are no crossings
+  Index crossings = 0;                ///< bad vertices on edges of more than two triangles
   double energy = 0, min_angle = 180, max_angle = 0;
 };
 
@@ -153,6 +154,8 @@ inline Badness badness(const Mesh& dual, const OptimizeReport& bounds, bool angl
       ends += count == 1;
       crossing = crossing || count > 2;
     }
+    const int n = static_cast<int>(neighbors.size());
+    if (crossing && ends == 0 && (n < 5 || n > 7)) ++result.crossings;
     if (neighbors.empty() || crossing || (ends != 0 && ends != 2)) continue;
     if (ends == 2) {  // one fan?
       std::set<Index> reached = {link[v][0][0]};
@@ -164,7 +167,6 @@ inline Badness badness(const Mesh& dual, const OptimizeReport& bounds, bool angl
       }
       if (reached.size() != neighbors.size()) continue;
     }
-    const int n = static_cast<int>(neighbors.size());
     const int off = ends == 2 ? std::max(0, n - 5) : n < 5 ? 5 - n : std::max(0, n - 7);
     result.vertices += off != 0;
     result.energy += 5 * off;
@@ -222,7 +224,7 @@ inline void check_never_rises(const OptimizeReport& report) {
 /// But for the seconds.
 inline bool same_line(const OptimizeIteration& a, const OptimizeIteration& b) {
   return a.bad_triangles == b.bad_triangles && a.bad_vertices == b.bad_vertices && a.min_angle == b.min_angle &&
-         a.max_angle == b.max_angle && a.samples == b.samples && a.energy == b.energy;
+         a.max_angle == b.max_angle && a.samples == b.samples && a.energy == b.energy && a.work == b.work;
 }
 
 inline bool same_course(const OptimizeReport& a, const OptimizeReport& b) {
@@ -237,8 +239,13 @@ inline void check_result(const TestSet& set, const OptimizeResult& result, bool 
   check_survivors(set.samples, result);
   if (result.report.status == Outcome::kCancelled) return;  // what was rated is older than the samples
   REQUIRE(!result.report.iterations.empty());
+  const Badness before = badness(set, set.samples, result.report), after = badness(set, result.samples, result.report);
+  const OptimizeIteration &first = result.report.iterations.front(), &last = result.report.iterations.back();
+  CHECK(first.bad_triangles == before.triangles);
+  CHECK(first.bad_vertices == before.vertices + before.crossings);
+  CHECK(last.bad_triangles == after.triangles);
+  CHECK(last.bad_vertices == after.vertices + after.crossings);
   if (rated_once) {
-    const Badness before = badness(set, set.samples, result.report), after = badness(set, result.samples, result.report);
     check_line(result.report.iterations.front(), before, set.samples);
     check_line(result.report.iterations.back(), after, result.samples);
     CHECK(result.report.iterations.front().min_angle == doctest::Approx(before.min_angle).epsilon(1e-9));
