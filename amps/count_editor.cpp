@@ -33,8 +33,10 @@ constexpr Index kMaxSamplesInPlace = 64;
 constexpr std::array<double, 7> kSmallerRadii = {0.97, 0.94, 0.9, 0.85, 0.78, 0.65, 0.5};
 /// Samples whose removal is tried, at least, and for each one that has to go.
 constexpr Index kMinCandidates = 256, kCandidatesPerSample = 4;
-/// In radii: a point that is farther from all samples is not sampled at all.
+/// Bounds of what is taken out singly: how far a point may come to be from all samples, in radii, and the share of the samples
+/// that may go. Beyond, the set would be another one, not one that lacks its last samples.
 constexpr double kMostCoverage = 2;
+constexpr double kMostTakenOut = 0.4;
 /// Visits to what refills have made bad, to make it good again.
 constexpr int kRepairRounds = 12;
 /// Draws of an id until it is that of a sample that may go.
@@ -70,12 +72,16 @@ class CountEditor {
       report_.obstacle = CountObstacle::kCurves;
       return;
     }
-    refill_by_copies();
+    refill_by_copies(kMostEnergy.front());
+    begin_costly();
+    for (std::size_t k = 1; k < kMostEnergy.size(); ++k) refill_by_copies(kMostEnergy[k]);
     refill_in_place(kPatchesInPlace);
     repair();
     if (missing() > 0) refill_smaller();
     if (missing() < 0) take_out_singly();
-    if (missing() != 0) report_.obstacle = missing() > 0 ? CountObstacle::kNoRoom : CountObstacle::kCoverage;
+    if (missing() == 0) return;
+    report_.obstacle = missing() > 0 ? CountObstacle::kNoRoom : CountObstacle::kCoverage;
+    undo_costly();
   }
 
   /// In: the samples given to the constructor. Returns how many of these are left.
@@ -110,19 +116,34 @@ class CountEditor {
     return kNone;
   }
 
-  void refill_by_copies() {
-    for (const double most : kMostEnergy) {
-      for (int tries = 0; missing() != 0 && tries < kTriesPerEnergy; ++tries) {
-        tell();
-        samples_.compact(execution_);
-        const Index s = draw_sample();
-        if (s == kNone) return;
-        const int change = direction();
-        const int size = 1 + (change < 0 ? 1 : 0) + static_cast<int>(rng_.below(kMaxPatch - (change < 0 ? 1 : 0)));
-        const Proposal proposal = finder_.find_of_count(s, change, size, most, Rng(rng_.next()));
-        if (proposal.kind == Proposal::Kind::kRefill && carry_out(proposal, change, most)) tries = 0;
-      }
+  /// Refills that raise the energy by less than `most`, until so many tries in a row have failed.
+  void refill_by_copies(double most) {
+    for (int tries = 0; missing() != 0 && tries < kTriesPerEnergy; ++tries) {
+      tell();
+      samples_.compact(execution_);
+      const Index s = draw_sample();
+      if (s == kNone) return;
+      const int change = direction(), least = change < 0 ? 2 : 1;
+      const int size = least + static_cast<int>(rng_.below(static_cast<std::uint64_t>(kMaxPatch - least + 1)));
+      const Proposal proposal = finder_.find_of_count(s, change, size, most, Rng(rng_.next()));
+      if (proposal.kind == Proposal::Kind::kRefill && carry_out(proposal, change, most)) tries = 0;
     }
+  }
+
+  /// Edits from now on are undone where the number cannot be met: what is missed is to cost nothing.
+  void begin_costly() {
+    is_costly_ = true;
+    cheap_ = report_;
+    cheap_count_ = count_;
+    cheap_cost_ = cost_;
+  }
+  void undo_costly() {
+    SampleEdit::undo_all(samples_, costly_);
+    const CountObstacle obstacle = report_.obstacle;
+    report_ = cheap_;
+    report_.obstacle = obstacle;
+    count_ = cheap_count_;
+    cost_ = cheap_cost_;
   }
 
   /// What a copy has promised; kept if it is true, of `change` samples more, and raises the energy by less than `most`.
@@ -194,7 +215,7 @@ class CountEditor {
   void keep(SampleEdit& edit) {
     count_ += change_of(edit);
     cost_ += energy_change_;
-    const SampleChange change = edit.keep();
+    SampleChange change = edit.keep();
     stars_.resize(slot(samples_.size()));
     for (std::size_t k = 0; k < change.affected.size(); ++k) {
       const Index s = change.affected[k];
@@ -202,6 +223,7 @@ class CountEditor {
       stars_.star[slot(s)] = new_stars_.star[k];
       if (energy_change_ > kMinGain) touched_.push_back(s);
     }
+    if (is_costly_) costly_.push_back(std::move(change));
   }
 
   /// A sample and others around it, by triangles of the dual; at most `size`.
@@ -321,6 +343,7 @@ class CountEditor {
   /// Those first that leave the surface covered best. Costs only grow as neighbours go, so that they are looked at anew only
   /// where they are the least.
   void take_out_singly() {
+    if (-missing() > kMostTakenOut * (count_ - set_.num_fixed)) return;
     using Entry = std::pair<double, Index>;
     for (bool helps = true; helps && missing() < 0;) {
       std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> queue;
@@ -394,6 +417,11 @@ class CountEditor {
   const Index first_missing_;
   double energy_change_ = 0, cost_ = 0;
   std::vector<Index> touched_;  ///< samples that edits have made worse
+  bool is_costly_ = false;
+  std::vector<SampleChange> costly_;  ///< edits since then, when all was as follows
+  ExactCountReport cheap_;
+  Index cheap_count_ = 0;
+  double cheap_cost_ = 0;
 };
 
 }  // namespace

@@ -28,7 +28,7 @@ enum class CountObstacle {
   kNoRoom,    ///< no more fit, though disks fell to half the radius wanted, or they would change the topology
 };
 
-/// How a number of samples was met exactly.
+/// How a number of samples was met exactly. Where it could not be, nothing has been done that costs angles, radii or coverage.
 struct ExactCountReport {
   bool asked = false;           ///< if not, all the rest says nothing
   Index wanted = 0;             ///< the number asked for
