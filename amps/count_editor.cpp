@@ -31,6 +31,11 @@ constexpr int kPatchesInPlace = 48, kMaxPatchInPlace = 7, kRefillsPerPatch = 6;
 constexpr Index kMaxSamplesInPlace = 64;
 /// Shares of the wanted radii that are tried in turn where no more samples fit.
 constexpr std::array<double, 7> kSmallerRadii = {0.97, 0.94, 0.9, 0.85, 0.78, 0.65, 0.5};
+/// Edits of the diagram end when they have changed so many fragments, about 2 µs each, and so many more for each sample to be
+/// added or taken out: cells of few samples have thousands of fragments on fine meshes.
+constexpr double kMostWork = 1e6, kWorkPerSample = 2000;
+/// Samples that enter with smaller disks are at most this share of those there are.
+constexpr double kMostSmaller = 1;
 /// Samples whose removal is tried, at least, and for each one that has to go.
 constexpr Index kMinCandidates = 256, kCandidatesPerSample = 4;
 /// Bounds of what is taken out singly: how far a point may come to be from all samples, in radii, and the share of the samples
@@ -104,6 +109,9 @@ class CountEditor {
   }
 
   DiskSet balls(double least) const { return DiskSet(VoxelGrid(bounding_box(diagram_.mesh()), least, radii_.max_of_set())); }
+
+  void count_work(SampleEdit& edit) { work_ += static_cast<double>(edit.changed_fragments().size()); }
+  bool has_time() const { return work_ < kMostWork + kWorkPerSample * first_missing_; }
 
   /// A random sample that may go; kNone if none was found.
   Index draw_sample() {
@@ -241,7 +249,7 @@ class CountEditor {
   /// Random refills by this filler, until so many patches in a row have brought nothing.
   Index refill_in_place(int patches) {
     Index refilled = 0;
-    for (int tries = 0; missing() != 0 && tries < patches; ++tries) {
+    for (int tries = 0; missing() != 0 && tries < patches && has_time(); ++tries) {
       tell();
       samples_.compact(execution_);
       const Index s = draw_sample();
@@ -253,6 +261,7 @@ class CountEditor {
       bool kept = false;
       for (int refill = 0; refill < kRefillsPerPatch && !kept; ++refill) {
         const bool filled = fill(*filler_, edit);
+        count_work(edit);
         const int change = change_of(edit) * direction();
         kept = filled && change > 0 && change <= std::abs(missing()) && is_good(edit, INFINITY);
         if (!kept) edit.withdraw();
@@ -297,6 +306,7 @@ class CountEditor {
 
   /// Refills with smaller disks than are wanted.
   void refill_smaller() {
+    if (missing() > kMostSmaller * count_) return;
     if (balls_ != nullptr) {
       // A grid for all radii there will be.
       const double least = kSmallerRadii.back() * radii_.min_of_set();
@@ -335,6 +345,7 @@ class CountEditor {
     SampleEdit edit(samples_, {s});
     edit.take_out();
     double worst = worst_ratio(edit.changed_fragments());
+    count_work(edit);
     if (!(worst <= kMostCoverage) || !keeps_topology(edit)) worst = INFINITY;
     edit.undo();
     return worst;
@@ -349,11 +360,12 @@ class CountEditor {
       std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> queue;
       for (const Index s : candidates()) {
         tell();
+        if (!has_time()) return;
         const double cost = coverage_without(s);
         if (std::isfinite(cost)) queue.push({cost, s});
       }
       helps = false;
-      while (missing() < 0 && !queue.empty() && count_ > 1) {
+      while (missing() < 0 && !queue.empty() && count_ > 1 && has_time()) {
         tell();
         samples_.compact(execution_);
         const Index s = queue.top().second;
@@ -416,6 +428,7 @@ class CountEditor {
   Index count_;
   const Index first_missing_;
   double energy_change_ = 0, cost_ = 0;
+  double work_ = 0;             ///< fragments changed, but by refills that were tried in copies
   std::vector<Index> touched_;  ///< samples that edits have made worse
   bool is_costly_ = false;
   std::vector<SampleChange> costly_;  ///< edits since then, when all was as follows

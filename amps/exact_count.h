@@ -24,8 +24,9 @@ enum class CountObstacle {
   kNothing,   ///< there is none
   kShape,     ///< radii follow from the shape or from max_error, and the number was too far off
   kCurves,    ///< samples on curves alone are more
-  kCoverage,  ///< to take more out would leave a point farther than two radii from all samples, or change the topology
-  kNoRoom,    ///< no more fit, though disks fell to half the radius wanted, or they would change the topology
+  kCoverage,  ///< to take more out would leave a point farther than two radii from all samples, change the topology, or leave
+              ///< another set: two fifths of those away from curves are the most
+  kNoRoom,  ///< no more fit, though disks fell to half the radius wanted, or they would change the topology, or double the set
 };
 
 /// How a number of samples was met exactly. Where it could not be, nothing has been done that costs angles, radii or coverage.
