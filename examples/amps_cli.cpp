@@ -72,6 +72,17 @@ amps::SamplingOptions sampling_options(const Arguments& arguments, amps::Neighbo
   return options;
 }
 
+/// Errors are one line each, whatever a file name holds.
+int complain(std::string message, int code = kExitTrouble) {
+  if (message.compare(0, 4, "amps") != 0) message = "amps: " + message;
+  std::replace_if(
+      message.begin(), message.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  const std::size_t prefix = std::min(message.find(':'), message.size());
+  message.replace(0, prefix, in_colour(kTroubleColour, message.substr(0, prefix)));
+  std::fprintf(stderr, "%s\n", message.c_str());
+  return code;
+}
+
 int run_sample(const Arguments& arguments) {
   const SizingRequest sizing = sizing_request(arguments);
   amps::SamplingOptions options = sampling_options(arguments, amps::Neighborhood::kSpace);
@@ -148,17 +159,6 @@ void set_optimization(const Arguments& arguments, amps::RemeshOptions& options) 
   const auto most = static_cast<std::uint64_t>(std::numeric_limits<int>::max());
   options.optimization.max_iterations = static_cast<int>(
       arguments.whole("--iterations", static_cast<std::uint64_t>(options.optimization.max_iterations), 0, most));
-}
-
-/// Errors are one line each, whatever a file name holds.
-int complain(std::string message, int code = kExitTrouble) {
-  if (message.compare(0, 4, "amps") != 0) message = "amps: " + message;
-  std::replace_if(
-      message.begin(), message.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
-  const std::size_t prefix = std::min(message.find(':'), message.size());
-  message.replace(0, prefix, in_colour(kTroubleColour, message.substr(0, prefix)));
-  std::fprintf(stderr, "%s\n", message.c_str());
-  return code;
 }
 
 /// Writes the result; with its curves, if it has any, as lines and its patches as labels.
