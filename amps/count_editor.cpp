@@ -20,7 +20,7 @@ namespace {
 
 /// What a refill may add to the energy of triangles: nothing at first. So many tries in a row that fail lead to the next one.
 constexpr std::array<double, 5> kMostEnergy = {kMinGain, 1, 4, 16, INFINITY};
-constexpr int kTriesPerEnergy = 200;
+constexpr int kTriesPerEnergy = 1000;
 /// Refills tried of each patch, in a copy.
 constexpr int kRefillsPerCopy = 16;
 /// Samples taken out of a patch at most: larger ones cost more to copy, and give no more choice.
@@ -41,7 +41,7 @@ constexpr Index kMinCandidates = 256, kCandidatesPerSample = 4;
 /// Bounds of what is taken out singly: how far a point may come to be from all samples, in radii, and the share of the samples
 /// that may go. Beyond, the set would be another one, not one that lacks its last samples.
 constexpr double kMostCoverage = 2;
-constexpr double kMostTakenOut = 0.4;
+constexpr double kMostTakenOut = 0.5;
 /// Visits to what refills have made bad, to make it good again.
 constexpr int kRepairRounds = 12;
 /// Draws of an id until it is that of a sample that may go.

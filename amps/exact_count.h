@@ -25,7 +25,7 @@ enum class CountObstacle {
   kShape,     ///< radii follow from the shape or from max_error, and the number was too far off
   kCurves,    ///< samples on curves alone are more
   kCoverage,  ///< to take more out would leave a point farther than two radii from all samples, change the topology, or leave
-              ///< another set: two fifths of those away from curves are the most
+              ///< another set: half of those away from curves is the most
   kNoRoom,  ///< no more fit, though disks fell to half the radius wanted, or they would change the topology, or double the set
 };
 
