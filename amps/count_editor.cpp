@@ -42,6 +42,8 @@ constexpr Index kMinCandidates = 256, kCandidatesPerSample = 4;
 /// that may go. Beyond, the set would be another one, not one that lacks its last samples.
 constexpr double kMostCoverage = 2;
 constexpr double kMostTakenOut = 0.5;
+/// Refills do with a fifth less at best: where more than this share would have to go in all, none of it is tried.
+constexpr double kMostFewer = 0.6;
 /// Visits to what refills have made bad, to make it good again.
 constexpr int kRepairRounds = 12;
 /// Draws of an id until it is that of a sample that may go.
@@ -78,6 +80,10 @@ class CountEditor {
       return;
     }
     refill_by_copies(kMostEnergy.front());
+    if (-missing() > kMostFewer * (count_ - set_.num_fixed)) {
+      report_.obstacle = CountObstacle::kCoverage;
+      return;
+    }
     begin_costly();
     for (std::size_t k = 1; k < kMostEnergy.size(); ++k) refill_by_copies(kMostEnergy[k]);
     refill_in_place(kPatchesInPlace);

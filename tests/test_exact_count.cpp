@@ -10,6 +10,7 @@
 #include "kit/maximality.h"
 #include "kit/meshes.h"
 #include "kit/models.h"
+#include "kit/optimized.h"
 #include "kit/samples.h"
 #include "kit/topology.h"
 
@@ -68,16 +69,16 @@ struct Counted {
   Index left = 0;
 };
 
-Counted counted(const Mesh& mesh, double radius, double share) {
+Counted counted(const Mesh& mesh, double radius, double share,
+                const amps::detail::DualRating& rating = amps::detail::DualRating(false, false, 0, 0)) {
   Counted result;
   result.before = result.set = amps::sample(mesh, with_radius(radius)).samples;
   amps::RestrictedPowerDiagram diagram(mesh, result.set.positions, amps::detail::weights_of(result.set.radii));
   std::vector<Index> ids;
   const amps::detail::WantedRadii radii(radius, ConflictRule::kMax);
   result.report.wanted = static_cast<Index>(share * result.set.size());
-  result.left = amps::detail::meet_count(
-      {diagram, result.set, ids, nullptr, radii, 0, amps::detail::DualRating(false, false, 0, 0), nullptr, {}, 1}, {},
-      result.report);
+  result.left =
+      amps::detail::meet_count({diagram, result.set, ids, nullptr, radii, 0, rating, nullptr, {}, 1}, {}, result.report);
   CHECK(diagram.check() == "");
   CHECK(diagram.num_sites() - diagram.num_removed() == result.set.size());
   return result;
@@ -153,6 +154,21 @@ TEST_CASE("exact count: likewise where disks know their surface, and where radii
   }
 }
 
+TEST_CASE("exact count: balls of other sheets are seen") {
+  Index refills = 0;
+  for (const double distance : {0.02, 0.08}) {
+    const Mesh mesh = two_sheets(distance);
+    for (const Index count : {150, 399, 801, 1601}) {
+      const SamplingResult result = amps::sample(mesh, exactly(count));
+      CHECK(result.samples.size() == count);
+      refills += result.report.exact_count.refills;
+      CHECK(separation_of_all_pairs(result.samples) >= 1 - 1e-9);
+      CHECK(amps::verify_maximal(mesh, result.samples).maximal());
+    }
+  }
+  CHECK(refills > 10);
+}
+
 TEST_CASE("exact count: without room for refills, samples are taken out, and the coverage that is left is told") {
   const Mesh mesh = amps::make_sphere(320);
   const Counted few = counted(mesh, 0.25, 0.6);
@@ -208,6 +224,18 @@ TEST_CASE("exact count: without room for disks as wanted, smaller ones enter, an
 TEST_CASE("exact count: what cannot be met costs nothing") {
   const Mesh mesh = amps::make_sphere(320);
   const Counted few = counted(mesh, 0.25, 0.2), many = counted(mesh, 0.25, 9);
+  // Here some of it has been tried, and undone: angles and valences are none the worse.
+  amps::OptimizeReport bounds;
+  bounds.min_angle = 35;
+  bounds.max_angle = 105;
+  const Mesh square = amps::make_square();
+  const Counted tried = counted(square, 0.08, 0.41, amps::detail::DualRating(true, true, 35, 105));
+  CHECK(tried.report.obstacle == CountObstacle::kCoverage);
+  CHECK(tried.report.cost == 0);
+  CHECK(tried.report.taken_out == 0);
+  CHECK(amps::verify_maximal(square, tried.set).maximal());
+  CHECK(badness(amps::restricted_triangulation(square, tried.set), bounds).energy <=
+        badness(amps::restricted_triangulation(square, tried.before), bounds).energy + 1e-6);
   CHECK(few.set.size() > few.report.wanted);
   CHECK(few.report.obstacle == CountObstacle::kCoverage);
   CHECK(many.set.size() < many.report.wanted);
@@ -268,6 +296,8 @@ TEST_CASE("exact count: remesh has as many vertices as asked for, the topology o
       const Index on_curves = report.curves.samples;
       REQUIRE(on_curves == before.report.curves.samples);
       CHECK(same_set(head(result.samples, on_curves), head(before.samples, on_curves)));
+      const bool smooth = report.curves.samples == 0;
+      if (smooth) CHECK(report.exact_count.cost == 0);
       if (report.exact_count.cost == 0 && before.report.optimization.status == Outcome::kDone) {
         CHECK(result.report.quality.min_angle >=
               std::min(before.report.quality.min_angle, report.optimization.min_angle) - 1e-6);
