@@ -68,12 +68,14 @@
 //   gap_filling.h    (internal) fills gaps, for whoever has a set
 //   topology_certificate.h  does the dual have the topology of the surface, curves included
 //   topology_refinement.h   (internal) smaller radii where it has not
-//   sampling.h       darts, then gap filling; smaller radii where the topology asks for them
-//   maximality.h     the certificate that a set is maximal; its gaps
 //   dual_star.h      (internal) the dual triangles around a sample, and how bad they are
 //   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
 //   refill.h         (internal) finding refills that improve what is bad
 //   sample_edit.h    (internal) samples, diagram and grid edited together, kept or undone
+//   exact_count.h    what came of meeting a number of samples exactly
+//   count_editor.h   (internal) adds samples, or takes some out, where that costs least
+//   sampling.h       darts, then gap filling; smaller radii where the topology asks for them
+//   maximality.h     the certificate that a set is maximal; its gaps
 //   optimize.h       better triangles and valences by refilling gaps
 //   polygons.h       (internal) polygons of files, cut into triangles
 //   decimal.h        (internal) doubles as text
@@ -111,6 +113,7 @@
 #include "amps/sizing.h"
 #include "amps/curves.h"
 #include "amps/topology_certificate.h"
+#include "amps/exact_count.h"
 #include "amps/sampling.h"
 #include "amps/maximality.h"
 #include "amps/optimize.h"

@@ -48,6 +48,8 @@ const char* name_of(Outcome outcome) noexcept {
       return "iteration limit";
     case Outcome::kStalled:
       return "stalled";
+    case Outcome::kNotMaximal:
+      return "not maximal";
     case Outcome::kErrorMissed:
       return "error missed";
     case Outcome::kShapeChanged:

@@ -105,13 +105,14 @@ enum class Outcome {
   kDone,            ///< everything asked for was reached
   kIterationLimit,  ///< as many iterations as allowed were spent
   kStalled,         ///< going on would bring nothing, or too little
+  kNotMaximal,      ///< parts of the surface are in no disk, for the sake of the exact number of samples that was asked for
   kCountMissed,     ///< the number of samples is another one than asked for: the shape needs more, or fewer fit on it
   kErrorMissed,     ///< the result is farther from the surface than asked for, or not proved to be as near
   kShapeChanged,    ///< the result has another topology than the surface, lacks some of its curves, or is empty
   kCancelled,       ///< stopped through Progress
 };
 
-/// In words: "done", "iteration limit", "stalled", "count missed", "error missed", "shape changed", "cancelled".
+/// In words: "done", "iteration limit", "stalled", "not maximal", "count missed", "error missed", "shape changed", "cancelled".
 AMPS_EXPORT const char* name_of(Outcome outcome) noexcept;
 
 namespace detail {

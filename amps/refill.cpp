@@ -38,6 +38,7 @@ void NearbyDisks::add(const Vec3& x, double weight) {
 Proposal RefillFinder::find(const BadItem& item, Rng rng) {
   proposal_ = Proposal();
   bool copied = true;
+  of_count_ = false;
   best_gain_ = kMinGain;
   all_good_ = false;
   std::array<Index, 3> corner;
@@ -66,6 +67,19 @@ Proposal RefillFinder::find(const BadItem& item, Rng rng) {
   copied = try_patch(rng) && copied;
   if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
   if (!copied) proposal_.kind = Proposal::Kind::kInPlace;
+  return std::move(proposal_);
+}
+
+Proposal RefillFinder::find_of_count(Index s, int change, int patch_size, double most, Rng rng) {
+  proposal_ = Proposal();
+  of_count_ = true;
+  count_change_ = change;
+  best_gain_ = -most;
+  all_good_ = false;
+  removed_.assign(1, s);
+  for (int k = 1; k < patch_size; ++k) add_random_neighbor(rng);
+  if (static_cast<int>(removed_.size()) + change < 1) return std::move(proposal_);
+  if (!try_patch(rng)) proposal_.kind = Proposal::Kind::kInPlace;
   return std::move(proposal_);
 }
 
@@ -99,7 +113,8 @@ void RefillFinder::add_random_neighbor(Rng& rng) {
 /// cannot be copied.
 bool RefillFinder::try_patch(Rng& rng) {
   if (!copy_patch()) return false;
-  const double before = patch_.energy() + kEnergyPerSample * static_cast<double>(removed_.size());
+  const double per_sample = of_count_ ? 0 : kEnergyPerSample;
+  const double before = patch_.energy() + per_sample * static_cast<double>(removed_.size());
   for (std::size_t k = 0; k < removed_.size(); ++k) {
     if (!patch_.remove(static_cast<int>(k))) return true;
   }
@@ -109,9 +124,10 @@ bool RefillFinder::try_patch(Rng& rng) {
   for (int refill = 0; refill < refills_ && !pool_.empty() && !all_good_; ++refill) {
     ++proposal_.trials;
     if (!try_refill(rng)) continue;
-    const double after = trial_.energy(), energy = after + kEnergyPerSample * static_cast<double>(chosen_.size()) - before;
+    if (of_count_ && static_cast<int>(chosen_.size()) - static_cast<int>(removed_.size()) != count_change_) continue;
+    const double after = trial_.energy(), energy = after + per_sample * static_cast<double>(chosen_.size()) - before;
     if (!(energy < best)) continue;
-    all_good_ = after == 0 && chosen_.size() <= removed_.size();
+    all_good_ = after == 0 && (of_count_ || chosen_.size() <= removed_.size());
     best = energy;
     best_gain_ = -energy;
     improved = true;

@@ -79,6 +79,10 @@ class RefillFinder {
   /// kInPlace is the answer where nothing is found and a patch could not be copied (boundaries).
   Proposal find(const BadItem& item, Rng rng);
 
+  /// Of refills of a patch around s of `change` samples more than there were (negative: fewer), the one that raises the energy
+  /// least, and by less than `most`; `patch_size`: samples taken out, s and neighbours. kInPlace as above.
+  Proposal find_of_count(Index s, int change, int patch_size, double most, Rng rng);
+
  private:
   void add_random_neighbor(Rng& rng);
   std::size_t corners_to_move(const BadItem& item, Rng& rng, std::array<Index, 3>& corner) const;
@@ -102,6 +106,8 @@ class RefillFinder {
   int refills_;
   Index num_fixed_;
   double best_gain_ = 0;
+  bool of_count_ = false;  ///< only refills of this many samples more than before count, whatever they cost beside energy
+  int count_change_ = 0;
   bool all_good_ = false;  ///< nothing is bad in the patch any more, and no sample has been added: no need to look further
   Proposal proposal_;
   TrialPatch patch_, trial_;

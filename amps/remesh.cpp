@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/remesh.h"
 
+#include "amps/count_editor.h"
 #include "amps/curve_sampling.h"
 #include "amps/disk_set.h"
 #include "amps/dual_star.h"
@@ -512,10 +513,48 @@ void name_places(const SamplingRun& run, SampleSet& samples) {
   }
 }
 
-/// Is a count off by more than 2 %, and by more than one? `target` 0: any will do.
-bool misses(Index count, Index target) {
+/// Is a count off by more than 2 %, and by more than one, or at all if it is to be exact? `target_count` 0: any will do.
+bool misses(Index count, const SamplingOptions& asked) {
   constexpr double kTolerance = 0.02;
-  return target > 0 && std::abs(count - target) > std::max(1.0, kTolerance * target);
+  if (asked.target_count == 0) return false;
+  const Index off = std::abs(count - asked.target_count);
+  return asked.exact_count ? off > 0 : off > std::max(1.0, kTolerance * asked.target_count);
+}
+
+/// Edits the samples of a run, which are maximal, until they are exactly as many as asked for. `ids`: in the run's diagram;
+/// empty: rows. Returns what is to be said of it.
+Outcome meet_exact_count(const SamplingSurface& surface, const RemeshOptions& options, const WantedRadii& radii,
+                         std::vector<Index>& ids, const Execution& execution, SamplingRun& run, RemeshResult& result) {
+  ExactCountReport& report = result.report.exact_count;
+  report.asked = true;
+  report.wanted = options.sampling.target_count;
+  report.before = report.after = result.samples.size();
+  // Where radii follow from an error, another set comes nearer: see RemeshRuns.
+  constexpr double kMostByError = 0.05;
+  const bool by_error = options.max_error > 0 || options.least_error;
+  if (by_error && std::abs(report.before - report.wanted) > kMostByError * report.wanted) {
+    report.obstacle = CountObstacle::kShape;
+    return Outcome::kCountMissed;
+  }
+  const OptimizeReport& reached = result.report.optimization;
+  const bool has_topology = surface.preserve && run.changed_facets.empty();
+  const CountedSet set{*run.diagram,
+                       result.samples,
+                       ids,
+                       run.disks->knows_surface() ? run.disks.get() : nullptr,
+                       radii,
+                       result.report.sampling.curve_samples,
+                       options.optimize ? DualRating(options.optimization.angles, options.optimization.valences,
+                                                     reached.min_angle, reached.max_angle)
+                                        : DualRating(false, false, 0, 0),
+                       has_topology ? surface.topology.get() : nullptr,
+                       has_topology ? topology_samples(*run.disks, surface.curves.get(), run.curves.get()) : TopologySamples(),
+                       result.report.sampling.seed};
+  meet_count(set, execution, report);
+  Outcome status = Outcome::kDone;
+  if (report.cost > kMinGain) status = Outcome::kStalled;
+  if (report.coverage > 1) status = Outcome::kNotMaximal;
+  return report.after == report.wanted ? status : Outcome::kCountMissed;
 }
 
 /// Moves the vertices off the surface; those on curves with the curves, and corners stay.
@@ -550,6 +589,9 @@ struct RemeshState {
   bool has_surface = false;  ///< or is made by the next run
 };
 
+/// The end of optimisation in its part of the range of progress, where the number is to be met exactly.
+constexpr double kBeforeExactCountShare = 0.85;
+
 /// One run of remesh(), with options for the samples to begin with. `result` (in: cancelled) has what there is at any time.
 void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, SamplingOptions sampling, RemeshState& state,
                        const Execution& execution, RemeshResult& result) {
@@ -582,14 +624,17 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   Stopwatch watch;
   Outcome status = run.result.status;
   std::vector<Index> ids;
+  const bool one_radius = is_one_radius(sampling.sizing);
+  const double optimized = options.sampling.exact_count && options.optimize
+                               ? parts.sampling + kBeforeExactCountShare * (parts.optimization - parts.sampling)
+                               : parts.optimization;
   if (options.optimize) {
     OptimizeOptions optimization = options.optimization;
-    const bool one_radius = is_one_radius(sampling.sizing);
     optimization.sizing = one_radius ? SizingField() : sampling.sizing.scaled(result.report.sampling.sizing_scale);
     optimization.radius = one_radius ? result.report.sampling.radius : 0;
     optimization.conflict_rule = sampling.conflict_rule;
     optimization.seed = sampling.seed;
-    optimization.execution = execution.part(parts.sampling, parts.optimization, "improving triangles");
+    optimization.execution = execution.part(parts.sampling, optimized, "improving triangles");
     OptimizeSurface surface;
     if (run.disks->knows_surface()) surface.disks = run.disks.get();
     surface.caps = run.caps;
@@ -602,6 +647,18 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     if (surface_of_input.flood != nullptr) name_places(run, result.samples);
     status = std::max(status, result.report.optimization.status);
     result.report.seconds_optimize = watch.lap();
+    if (status == Outcome::kCancelled) return;
+  }
+  if (options.sampling.exact_count) {
+    const WantedRadii radii =
+        one_radius ? WantedRadii(result.report.sampling.radius, sampling.conflict_rule)
+                   : WantedRadii(sampling.sizing.scaled(result.report.sampling.sizing_scale), sampling.conflict_rule);
+    const Execution meeting = execution.part(optimized, parts.optimization, "meeting the number exactly");
+    Outcome met = Outcome::kCancelled;
+    completes([&] { met = meet_exact_count(surface_of_input, options, radii.with_caps(run.caps), ids, meeting, run, result); });
+    if (surface_of_input.flood != nullptr) name_places(run, result.samples);
+    status = std::max(status, met);
+    watch.lap();
     if (status == Outcome::kCancelled) return;
   }
   const Execution extracting = execution.part(parts.optimization, parts.extraction, "building the mesh");
@@ -625,7 +682,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   }
   measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.fit, 1, "measuring the result"), result);
   result.report.seconds_report = watch.lap();
-  if (misses(result.samples.size(), options.sampling.target_count)) status = std::max(status, Outcome::kCountMissed);
+  if (misses(result.samples.size(), options.sampling)) status = std::max(status, Outcome::kCountMissed);
   if (!lost_shape(result.report).empty()) status = std::max(status, Outcome::kShapeChanged);
   result.status = status;
 }
@@ -798,7 +855,7 @@ class RemeshRuns {
     } else {
       bound_error(mesh_, kNextGoal * bounding_box(mesh_).diagonal(), execution.part(0, 0.6), made);
     }
-    if (!options_.least_error || misses(made.samples.size(), sampling_.target_count)) return {};
+    if (!options_.least_error || misses(made.samples.size(), options_.sampling)) return {};
     constexpr double kLeastGoal = 1e-5;  // of the diagonal
     goal_ = kNextGoal * report.hausdorff_bound;
     num_fresh_ = 0;
@@ -810,7 +867,7 @@ class RemeshRuns {
   bool prepare_next(const RemeshResult& made, std::vector<RadiusCap> more) {
     std::vector<RadiusCap>& caps = state_.surface.limits;
     const Index count = made.samples.size();
-    const bool fresh = more.empty() && !caps.empty() && misses(count, sampling_.target_count) &&
+    const bool fresh = more.empty() && !caps.empty() && misses(count, options_.sampling) &&
                        num_fresh_ < (options_.least_error ? kMaxFreshRunsForLess : kMaxFreshRuns);
     if (num_further_ == (options_.least_error ? kMaxRunsForLess : kMaxFurtherRuns) || (more.empty() && !fresh)) return false;
     const bool far = measured_ && !(made.report.hausdorff_bound <= goal_);
@@ -842,7 +899,7 @@ class RemeshRuns {
   std::tuple<std::int64_t, bool, bool, double> badness(const RemeshResult& result) const {
     const RemeshReport& report = result.report;
     const bool too_far = options_.max_error > 0 && !(report.hausdorff_bound <= options_.max_error);
-    return {crosses(report) ? report.self_intersections : 0, too_far, misses(result.samples.size(), sampling_.target_count),
+    return {crosses(report) ? report.self_intersections : 0, too_far, misses(result.samples.size(), options_.sampling),
             too_far ? report.hausdorff_lower : report.hausdorff_bound};
   }
 
@@ -947,6 +1004,10 @@ RemeshResult remesh(const MeshView& mesh, const RemeshOptions& options) {
   }
   const Execution execution = sampling.execution.start();
   require_usable(mesh);
+  if (options.sampling.exact_count && options.sampling.target_count == 0) {
+    throw Error(ErrorCode::kInvalidArgument, "remesh: exact_count meets a number of vertices; set sampling.target_count");
+  }
+  sampling.exact_count = false;  // only the result counts
   if (!(options.max_error >= 0 && std::isfinite(options.max_error))) {
     throw Error(ErrorCode::kInvalidArgument,
                 "remesh: max_error is " + detail::number_text(options.max_error) + "; give a distance above 0, or 0 for none");

@@ -43,7 +43,8 @@ enum class Topology {
 };
 
 struct RemeshOptions {
-  /// With optimisation a target_count is that of the result, met within about 2 %. `sampling.execution` is that of the whole.
+  /// With optimisation a target_count is that of the result, met within about 2 %, or exactly if exact_count is set: then
+  /// triangles and valences stay as good as optimisation has made them, if they can. `sampling.execution` is that of the whole.
   /// Where disks know their surface, a radius beyond the box's diagonal counts as that: either way one disk is all of a
   /// component.
   SamplingOptions sampling;
@@ -87,6 +88,8 @@ struct CurveReport {
 struct RemeshReport {
   SamplingReport sampling;      ///< of the set before optimisation
   OptimizeReport optimization;  ///< no iterations if there was none
+  /// Where SamplingOptions::exact_count asks for it; then `optimization` is of the set before.
+  ExactCountReport exact_count;
   CurveReport curves;
   TopologyReport input;   ///< topology of the input: equal positions one vertex, repeated facets one facet
   TopologyReport output;  ///< topology of the result
@@ -122,7 +125,8 @@ struct RemeshResult {
   std::vector<std::array<Index, 2>> curve_edges;
   RemeshReport report;
   /// The worst of those of sampling and optimisation, of kShapeChanged (lost_shape()), of kErrorMissed (hausdorff_bound is
-  /// above max_error), and of kCountMissed: another number of samples than asked for, by more than 2 % and more than one.
+  /// above max_error), and of kCountMissed: another number of samples than asked for, by more than 2 % and more than one; or
+  /// any other (missed_count()) where it was to be met exactly. Then kStalled and kNotMaximal too say what that has cost.
   Outcome status = Outcome::kDone;
 };
 

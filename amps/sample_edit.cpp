@@ -20,17 +20,27 @@ void sort_each_once(std::vector<Index>& ids) {
 
 EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, DiskSet& disks,
                                  const Execution& execution)
-    : diagram_(diagram), disks_(disks) {
-  const auto n = slot(samples.size());
+    : EditableSamples(diagram, samples, {}, disks, execution) {}
+
+EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, const std::vector<Index>& ids,
+                                 DiskSet& disks, const Execution& execution)
+    : diagram_(diagram), disks_(disks), given_(ids) {
+  const auto n = slot(ids.empty() ? samples.size() : diagram.num_sites());
   samples_.reserve(n + n / 8);  // optimisation adds some hundredths
-  alive_.assign(n, 1);
+  samples_.resize(n);
+  alive_.assign(n, 0);
   is_new_.assign(n, 0);
   const bool fresh = !disks.has_samples();
-  Ticker ticker(execution, n, kEditableSamplesPerLook);
-  for (Index s = 0; s < samples.size(); ++s) {
+  Ticker ticker(execution, slot(samples.size()), kEditableSamplesPerLook);
+  for (Index row = 0; row < samples.size(); ++row) {
     ticker.tick();
-    samples_.push_back(sample_of(samples, s));
-    if (fresh) disks_.insert(samples_.back(), s);
+    const Index s = ids.empty() ? row : ids[slot(row)];
+    samples_[slot(s)] = sample_of(samples, row);
+    alive_[slot(s)] = 1;
+    if (fresh) disks_.insert(samples_[slot(s)], s);
+  }
+  for (std::size_t s = n; s-- > 0;) {
+    if (alive_[s] == 0) free_.push_back(static_cast<Index>(s));
   }
 }
 
@@ -54,13 +64,14 @@ void EditableSamples::collect(SampleSet& set, std::vector<Index>& ids) const {
   ids.reserve(samples_.size());
   // Rows only move forwards, into places that are free by now.
   Index row = 0;
-  for (Index s = 0; s < num_given; ++s) {
+  for (Index before = 0; before < num_given; ++before) {
+    const Index s = given_.empty() ? before : given_[slot(before)];
     if (!alive(s) || is_new(s)) continue;
-    if (row != s) {
-      set.positions.row(row) = set.positions.row(s);
-      set.barycentrics.row(row) = set.barycentrics.row(s);
-      set.radii[slot(row)] = set.radii[slot(s)];
-      set.facets[slot(row)] = set.facets[slot(s)];
+    if (row != before) {
+      set.positions.row(row) = set.positions.row(before);
+      set.barycentrics.row(row) = set.barycentrics.row(before);
+      set.radii[slot(row)] = set.radii[slot(before)];
+      set.facets[slot(row)] = set.facets[slot(before)];
     }
     ids.push_back(s);
     ++row;

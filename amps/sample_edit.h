@@ -23,6 +23,9 @@ class EditableSamples {
   /// `diagram`: of exactly these samples, ids being rows; `disks`: these samples, of which the diagram uses the reach, or none
   /// yet: then they are stored, for all radii there will be. Both must outlive this.
   EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, DiskSet& disks, const Execution& execution = {});
+  /// The same of samples with these ids; empty: rows.
+  EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, const std::vector<Index>& ids, DiskSet& disks,
+                  const Execution& execution = {});
 
   const RestrictedPowerDiagram& diagram() const { return diagram_; }
   const DiskSet& disks() const { return disks_; }
@@ -55,7 +58,8 @@ class EditableSamples {
   DiskSet& disks_;
   std::vector<Sample> samples_;
   std::vector<char> alive_, is_new_;
-  std::vector<Index> free_;  ///< ids to be used again
+  std::vector<Index> given_;  ///< ids of those given to the constructor; empty: rows
+  std::vector<Index> free_;   ///< ids to be used again
   std::uint64_t fragments_changed_ = 0;
 };
 

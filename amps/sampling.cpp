@@ -1,6 +1,7 @@
 #define AMPS_OWN_SOURCE
 #include "amps/sampling.h"
 
+#include "amps/count_editor.h"
 #include "amps/count_model.h"
 #include "amps/curve_sampling.h"
 #include "amps/darts.h"
@@ -159,6 +160,9 @@ void require_one_sizing(const MeshView& mesh, const SamplingOptions& options) {
   if (options.target_count < 0 || !(by_radius || by_count || by_field) || (by_radius && (by_count || by_field))) {
     throw Error(ErrorCode::kInvalidArgument,
                 "sampling: set a positive radius, or a sizing field, or a positive target_count, or both of the last two");
+  }
+  if (options.exact_count && !by_count) {
+    throw Error(ErrorCode::kInvalidArgument, "sampling: exact_count meets a number of samples; set target_count");
   }
   if (by_field && !options.sizing.fits(mesh)) {
     throw Error(ErrorCode::kInvalidArgument, "sampling: the sizing field is of another mesh (" +
@@ -738,6 +742,40 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
 }  // namespace detail
 
 namespace detail {
+namespace {
+
+/// The end of sampling in the range of progress where the number is to be met exactly.
+constexpr double kBeforeExactCount = 0.85;
+
+/// Edits the set of a complete run until it has exactly as many samples as wanted.
+void meet_count_of(SamplingRun& run, const SamplingOptions& options, const Execution& execution) {
+  SamplingResult& result = run.result;
+  SamplingReport& report = result.report;
+  report.exact_count.wanted = options.target_count;
+  const WantedRadii radii = options.sizing.empty()
+                                ? WantedRadii(report.radius, options.conflict_rule)
+                                : WantedRadii(options.sizing.scaled(report.sizing_scale), options.conflict_rule);
+  std::vector<Index> ids;
+  const CountedSet set{*run.diagram,
+                       result.samples,
+                       ids,
+                       run.disks->knows_surface() ? run.disks.get() : nullptr,
+                       radii,
+                       0,
+                       DualRating(false, false, 0, 0),
+                       nullptr,
+                       {},
+                       report.seed};
+  const Index num_left = meet_count(set, execution, report.exact_count);
+  report.dart_samples =
+      static_cast<Index>(std::count_if(ids.begin(), ids.begin() + num_left, [&](Index s) { return s < report.dart_samples; }));
+  report.gap_samples = result.samples.size() - report.dart_samples;
+  report_radii(result.samples.radii, report);
+  if (report.exact_count.coverage > 1) result.status = std::max(result.status, Outcome::kNotMaximal);
+  if (result.samples.size() != options.target_count) result.status = std::max(result.status, Outcome::kCountMissed);
+}
+
+}  // namespace
 
 SamplingOptions scaled_options(const SamplingOptions& options, const MeshScale& scale) {
   SamplingOptions result = options;
@@ -766,22 +804,31 @@ SamplingResult sampled_at(const MeshScale& scale, const MeshView& mesh, const Sa
 
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
   if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, sample);
-  if (options.neighborhood != Neighborhood::kSurface) return std::move(detail::sample_with_diagram(mesh, options).result);
+  const bool knows_surface = options.neighborhood == Neighborhood::kSurface;
+  if (!knows_surface && !options.exact_count) return std::move(detail::sample_with_diagram(mesh, options).result);
   require_usable(mesh);
-  constexpr double kFloodsShare = 0.03;
+  const double floods = knows_surface ? 0.03 : 0, sampled = options.exact_count ? detail::kBeforeExactCount : 1;
   const Execution execution = options.execution.start();
   SamplingOptions inner = options;
   detail::SamplingSurface surface;
   SamplingResult result;
   result.status = Outcome::kCancelled;
   if (!detail::completes([&] {
-        surface.flood = detail::flood_of(mesh, options.neighborhood, execution.part(0, kFloodsShare, "listing edges"));
-        inner.execution = execution.part(kFloodsShare, 1);
+        if (knows_surface) {
+          surface.flood = detail::flood_of(mesh, options.neighborhood, execution.part(0, floods, "listing edges"));
+        }
+        inner.execution = execution.part(floods, sampled);
       })) {
     return result;
   }
-  result = std::move(detail::sample_with_diagram(mesh, inner, surface).result);
-  if (result.status == Outcome::kDone) execution.finish();
+  detail::SamplingRun run = detail::sample_with_diagram(mesh, inner, surface);
+  if (options.exact_count && run.result.status != Outcome::kCancelled) {
+    const bool complete = detail::completes(
+        [&] { detail::meet_count_of(run, options, execution.part(sampled, 1, "meeting the number exactly")); });
+    if (!complete) run.result.status = Outcome::kCancelled;
+  }
+  result = std::move(run.result);
+  if (result.status != Outcome::kCancelled) execution.finish();
   return result;
 }
 

@@ -23,6 +23,7 @@
 #include "amps/base.h"
 #include "amps/cap_field.h"
 #include "amps/curves.h"
+#include "amps/exact_count.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
 #include "amps/power_diagram.h"
@@ -45,6 +46,10 @@ struct SamplingOptions {
   /// boundary) and is corrected, by further runs with other seeds, until the count is within 1 %. The closest run wins if that
   /// never happens (counts below 100 have no choice but to hit exactly).
   Index target_count = 0;
+  /// With target_count: that number and no other. The set that comes nearest is edited here and there, as exact_count.h tells;
+  /// SamplingReport::exact_count says what that took, and what coverage is left. For all but small or narrow surfaces it is
+  /// maximal as ever; where it is not, the status is kNotMaximal, and where the number cannot be met, kCountMissed.
+  bool exact_count = false;
   /// Means nothing where radii are equal.
   ConflictRule conflict_rule = ConflictRule::kMax;
   /// Default: kSpace; in remesh() kSurface, but for the min rule.
@@ -68,15 +73,16 @@ struct SamplingReport {
   double min_radius = 0;    ///< of all samples, as the next two; 0 if there is none
   double max_radius = 0;
   double mean_radius = 0;
-  std::uint64_t seed = 0;    ///< the one used: with radius or scale it reproduces the set (differs with target_count)
-  std::uint64_t darts = 0;   ///< thrown in the first stage
-  Index curve_samples = 0;   ///< samples on corners and curves; they come first
-  Index dart_samples = 0;    ///< samples of dart throwing
-  Index gap_samples = 0;     ///< samples added by gap filling
-  Index unfilled_gaps = 0;   ///< gaps that hold no double at the wanted distance: 0 but where radii are below 1024 resolutions
-  int refinements = 0;       ///< rounds with smaller radii, where the topology was not that of the surface
-  int attempts = 1;          ///< sampling runs made to reach target_count
-  double seconds_darts = 0;  ///< wall clock, all attempts; as the next three
+  std::uint64_t seed = 0;   ///< the one used: with radius or scale it reproduces the set (differs with target_count)
+  std::uint64_t darts = 0;  ///< thrown in the first stage
+  Index curve_samples = 0;  ///< samples on corners and curves; they come first
+  Index dart_samples = 0;   ///< samples of dart throwing
+  Index gap_samples = 0;    ///< samples added by gap filling
+  Index unfilled_gaps = 0;  ///< gaps that hold no double at the wanted distance: 0 but where radii are below 1024 resolutions
+  int refinements = 0;      ///< rounds with smaller radii, where the topology was not that of the surface
+  int attempts = 1;         ///< sampling runs made to reach target_count
+  ExactCountReport exact_count;  ///< of sample(): its new samples count as those of gaps
+  double seconds_darts = 0;      ///< wall clock, all attempts; as the next three
   double seconds_triangulation = 0;
   double seconds_diagram = 0;
   double seconds_gaps = 0;

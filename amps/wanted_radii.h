@@ -11,6 +11,7 @@
 #include <cmath>
 #include <memory>
 #include <utility>
+#include <vector>
 
 namespace amps::detail {
 
@@ -54,6 +55,20 @@ class WantedRadii {
   WantedRadii with_caps(std::shared_ptr<const CapField> caps) const {
     WantedRadii result = *this;
     result.caps_ = std::move(caps);
+    return result;
+  }
+
+  /// The same with all radii times this share, at most 1, beside samples that are there.
+  WantedRadii scaled(double share) const {
+    WantedRadii result = *this;
+    result.radius_ *= share;
+    if (!field_.empty()) result.field_ = field_.scaled(share);
+    if (caps_ != nullptr) {
+      std::vector<RadiusCap> caps = caps_->caps();
+      for (RadiusCap& cap : caps) cap.radius *= share;
+      result.caps_ = std::make_shared<const CapField>(std::move(caps), share * caps_->slope());
+    }
+    result.min_of_set_ *= share;
     return result;
   }
 

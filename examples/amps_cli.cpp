@@ -64,10 +64,23 @@ amps::SamplingOptions sampling_options(const Arguments& arguments, amps::Neighbo
   amps::SamplingOptions options;
   options.radius = arguments.positive("--radius");
   options.target_count = static_cast<amps::Index>(arguments.whole("--vertices", 0, 1, kMostVertices));
+  options.exact_count = arguments.has("--exact");
+  if (options.exact_count && options.target_count == 0) throw arguments.error("--exact goes with --vertices N");
   options.seed = arguments.whole("--seed", options.seed, 0, UINT64_MAX);
   options.execution.threads = threads_of(arguments);
   options.neighborhood = neighborhood_of(arguments, neighborhood);
   return options;
+}
+
+/// Errors are one line each, whatever a file name holds.
+int complain(std::string message, int code = kExitTrouble) {
+  if (message.compare(0, 4, "amps") != 0) message = "amps: " + message;
+  std::replace_if(
+      message.begin(), message.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  const std::size_t prefix = std::min(message.find(':'), message.size());
+  message.replace(0, prefix, in_colour(kTroubleColour, message.substr(0, prefix)));
+  std::fprintf(stderr, "%s\n", message.c_str());
+  return code;
 }
 
 int run_sample(const Arguments& arguments) {
@@ -105,6 +118,7 @@ int run_sample(const Arguments& arguments) {
   json.add("samples", result.samples.size());
   add_radii(json, result.samples);
   add_sampling(json, result.report);
+  add_exact_count(json, result.report.exact_count);
   add_maximality(json, certificate);
   add_seconds(json, seconds);
   files.write(json);
@@ -113,11 +127,13 @@ int run_sample(const Arguments& arguments) {
   const Table table = files.table();
   table.row("samples", number(result.samples.size()));
   table.row("of darts and of gaps", number(result.report.dart_samples) + " and " + number(result.report.gap_samples));
+  print_exact_count(table, result.report.exact_count);
   print_radii(table, result.samples);
   print_maximality(table, certificate);
   print_unfilled(table, result.report);
   print_seconds(table, seconds);
-  return kExitDone;
+  const std::string missed = amps::missed_count(result.report.exact_count);
+  return missed.empty() ? kExitDone : complain(missed, kExitShape);
 }
 
 /// --optimize and its companions.
@@ -143,17 +159,6 @@ void set_optimization(const Arguments& arguments, amps::RemeshOptions& options) 
   const auto most = static_cast<std::uint64_t>(std::numeric_limits<int>::max());
   options.optimization.max_iterations = static_cast<int>(
       arguments.whole("--iterations", static_cast<std::uint64_t>(options.optimization.max_iterations), 0, most));
-}
-
-/// Errors are one line each, whatever a file name holds.
-int complain(std::string message, int code = kExitTrouble) {
-  if (message.compare(0, 4, "amps") != 0) message = "amps: " + message;
-  std::replace_if(
-      message.begin(), message.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
-  const std::size_t prefix = std::min(message.find(':'), message.size());
-  message.replace(0, prefix, in_colour(kTroubleColour, message.substr(0, prefix)));
-  std::fprintf(stderr, "%s\n", message.c_str());
-  return code;
 }
 
 /// Writes the result; with its curves, if it has any, as lines and its patches as labels.
@@ -264,6 +269,7 @@ int run_remesh(const Arguments& arguments) {
   json.add("left_out_of_input", left_out);
   add_radii(json, result.samples);
   add_sampling(json, report.sampling);
+  add_exact_count(json, report.exact_count);
   add_optimization(json, report.optimization);
   add_fit(json, options.fit, report.fit);
   add_error(json, options, report);
@@ -285,6 +291,7 @@ int run_remesh(const Arguments& arguments) {
   if (asked > 0) vertices += " of " + number(asked) + " asked for";
   if (result.status == amps::Outcome::kCountMissed) vertices += ": missed";
   table.row("vertices", number(report.input.vertices), vertices);
+  print_exact_count(table, report.exact_count);
   table.row("triangles", number(report.input.facets), number(report.output.facets));
   if (left_out > 0) table.row("triangles left out", number(left_out), "there twice, or of two corners");
   print_topology(table, report.input, report.output);
@@ -308,6 +315,7 @@ int run_remesh(const Arguments& arguments) {
     lost = format("the result is up to %.6g from the input, %.6g was asked for; take a larger --error", report.hausdorff_bound,
                   options.max_error);
   }
+  if (lost.empty()) lost = amps::missed_count(report.exact_count);
   if (reports) {
     const std::string in = page::file_name(Files::shown(arguments.operand(0), Files::kInput));
     const std::string out = page::file_name(Files::shown(arguments.operand(1), Files::kOutput));
@@ -738,6 +746,9 @@ int run_spectrum(const Arguments& arguments) {
 const std::vector<Command>& commands() {
   static const Option kRadius{"--radius", "R", "disk radius, in the units of the mesh"};
   static const Option kVertices{"--vertices", "N", "number of samples wanted instead, met within 1 %"};
+  static const Option kExact{"--exact", nullptr,
+                             "meet N exactly: samples are added or taken out where that costs least, and the table tells what\n"
+                             "coverage is left"};
   static const Option kSizing{
       "--sizing", "KIND", "uniform (default), lfs, curvature, or a file of one radius a vertex (numbers, or x.ply:PROPERTY)"};
   static const Option kRmin{"--rmin", "R", "least radius; with --rmax left out, radii go up to 16 R"};
@@ -760,7 +771,7 @@ const std::vector<Command>& commands() {
        "place a maximal Poisson-disk set on a mesh",
        "IN is a mesh (.obj .off .ply .stl), OUT a sample set (.xyzr .ply .csv). No two samples are nearer than the\n"
        "greater of their radii, and every point of the surface is within the radius of a sample.",
-       {kRadius, kVertices, kSizing, kRmin, kRmax, kError, kGradation, kInSpace, kSeed, kThreads, kJson},
+       {kRadius, kVertices, kExact, kSizing, kRmin, kRmax, kError, kGradation, kInSpace, kSeed, kThreads, kJson},
        run_sample},
       {"remesh",
        "IN OUT",
@@ -775,9 +786,10 @@ const std::vector<Command>& commands() {
        "hold patches as a property of faces. The FILE of --keep is IN itself, or has vertices at the positions of those of "
        "IN.\n"
        "Exit code 4: OUT is written, but has another topology than IN, lacks edges of curves, is farther from IN\n"
-       "than --error allows, or has no triangle.",
+       "than --error allows, has another number of vertices than --exact asks for, or has no triangle.",
        {kRadius,
         {"--vertices", "N", "number of vertices wanted instead, met within 2 %"},
+        kExact,
         {"--sizing", "KIND",
          "uniform (default), lfs, curvature, a file of one radius a vertex (numbers, or x.ply:PROPERTY), or error: N vertices\n"
          "are spent where they lower the distance to IN most, in some thirty times the time"},
@@ -932,7 +944,7 @@ void print_help() {
   std::printf("\n'amps COMMAND --help' tells the options of a command,\n'amps --version' the version.\n");
   std::printf("%s\n",
               wrapped("Exit codes: 0 done, 2 bad input or usage, 3 'gaps' found some or 'fill' left some, 4 'remesh' lost some "
-                      "of the shape or missed --error, 130 interrupted, 143 terminated.",
+                      "of the shape or missed --error, a number was not met --exact, 130 interrupted, 143 terminated.",
                       0, 0)
                   .c_str());
 }

@@ -320,6 +320,36 @@ inline void print_unfilled(const Table& table, const amps::SamplingReport& repor
     table.row("unfilled gaps", number(report.unfilled_gaps) + ", move the mesh nearer to the origin");
 }
 
+/// What it took to meet the number exactly.
+inline void print_exact_count(const Table& table, const amps::ExactCountReport& report) {
+  if (!report.asked) return;
+  if (report.after != report.wanted) {
+    table.row("exact number", number(report.wanted) + ": missed");
+  } else if (report.before == report.after) {
+    table.row("exact number", "met");
+  } else {
+    std::string how = "met from " + number(report.before) + " by " + number(report.refills) + " refills";
+    if (report.smaller > 0) how += ", " + number(report.smaller) + " of them with smaller disks";
+    if (report.taken_out > 0) how += (report.refills > 0 ? " and " : " by ") + number(report.taken_out) + " taken out";
+    table.row("exact number", how);
+  }
+}
+
+inline void add_exact_count(Json& json, const amps::ExactCountReport& report) {
+  if (!report.asked) return;
+  json.open("exact_count")
+      .add("wanted", report.wanted)
+      .add("before", report.before)
+      .add("after", report.after)
+      .add("refills", report.refills)
+      .add("smaller", report.smaller)
+      .add("taken_out", report.taken_out)
+      .add("coverage", report.coverage)
+      .add("cost", report.cost)
+      .add("missed", amps::missed_count(report).c_str())
+      .close();
+}
+
 /// Radius, or scale, and seed are the ones used: together they make the set again.
 inline void add_sampling(Json& json, const amps::SamplingReport& report) {
   json.add("radius", report.radius)

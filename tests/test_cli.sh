@@ -248,6 +248,27 @@ awk -v low="$(number min_edge_over_radius out.json)" -v high="$(number max_edge_
 run 0 gaps knot.obj out.xyzr
 run 0 info out.obj
 
+echo "-- an exact number"
+run 0 remesh knot.obj exact.obj --vertices 1500 --exact --samples exact.xyzr --json exact.json
+[ "$(number vertices exact.json)" = 1500 ] || fail "$(number vertices exact.json) vertices for --vertices 1500 --exact"
+[ "$(grep -c '^v ' exact.obj)" = 1500 ] || fail "another number of vertices in the file"
+grep -q '"maximal": true' exact.json || fail "an exact number takes maximality"
+grep -q '^exact number  *met' log/out || fail "the table does not tell of the exact number"
+awk -v low="$(number min_angle exact.json)" -v high="$(number max_angle exact.json)" \
+  'BEGIN { exit !(low >= 35 - 1e-6 && high <= 105 + 1e-6) }' || fail "an exact number takes angles"
+run 0 gaps knot.obj exact.xyzr
+run 0 sample torus.obj exact.csv --vertices 77 --exact --json exact.json
+[ "$(number samples exact.json)" = 77 ] || fail "$(number samples exact.json) samples for --vertices 77 --exact"
+run 0 gaps torus.obj exact.csv
+bad "exact goes with --vertices" remesh torus.obj no.obj --radius 0.1 --exact
+bad "exact goes with --vertices" sample torus.obj no.csv --sizing lfs --rmin 0.1 --exact
+run 0 make cube cube12.obj --n 12
+awk '/^v / { $4 = $4 * 0.01 } { print }' cube12.obj >sheet.obj
+run 4 remesh sheet.obj missed.obj --vertices 60 --exact --json missed.json
+grep -q "for exactly 60 asked for" log/err || fail "no word of the number that was missed"
+grep -q '"status": "count missed"' missed.json || fail "a missed number is called $(grep status missed.json)"
+[ -s missed.obj ] || fail "nothing is written where the number is missed"
+
 echo "-- optimisation"
 run 0 remesh torus.obj acute.obj --vertices 1200 --angle-min 40 --angle-max 95 --convergence course.csv --json acute.json
 grep -q '"status": "done"' acute.json || fail "optimisation is not done"
