@@ -228,25 +228,26 @@ Dual restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vect
 
 /// The ends of the parts of remesh() in the range of progress.
 struct RemeshParts {
-  double sampling, optimization, extraction, fit;
+  double sampling, optimization, extraction, certificates, fit;
 
   RemeshParts(const MeshView& mesh, const SamplingOptions& options, const RemeshOptions& all) {
     // Microseconds a sample or facet, roughly.
-    constexpr double kExtractionCost = 0.6, kReportCost = 1.7, kReportFacetCost = 0.3;
+    constexpr double kExtractionCost = 0.6, kCertificateCost = 0.9, kReportCost = 1.3, kReportFacetCost = 0.2;
     const auto facets = static_cast<double>(mesh.num_facets());
     const double samples = expected_samples(mesh, options);
     sampling = sampling_cost(samples, facets, options.execution.workers());
     optimization = sampling;
     if (all.optimize) optimization += optimization_cost(all.optimization, samples, is_one_radius(options.sizing));
     extraction = optimization + kExtractionCost * samples;
-    fit = extraction;
+    certificates = extraction + kCertificateCost * samples + kReportFacetCost * facets;
+    fit = certificates;
     if (all.fit != Fit::kOff) {
       constexpr double kNormalCost = 10, kFreeCost = 100, kFitFacetCost = 1.5;
       const double cost = all.fit == Fit::kNormal ? kNormalCost : kFreeCost;
       fit += kFitFacetCost * facets + cost * samples / options.execution.workers();
     }
     const double end = fit + kReportCost * samples + kReportFacetCost * facets;
-    for (double* share : {&sampling, &optimization, &extraction, &fit}) *share /= end;
+    for (double* share : {&sampling, &optimization, &extraction, &certificates, &fit}) *share /= end;
   }
 };
 
@@ -286,28 +287,34 @@ void measure_beside_curves(const Mesh& mesh, const OptimizeReport& asked, const 
   report.away = quality({mesh.vertices, triangles_away}, execution.part(0.5, 1));
 }
 
-/// Measures the result, except what was measured on the way.
-void measure(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run, ConflictRule rule,
-             const Execution& execution, RemeshResult& result) {
-  result.report.input = surface_topology(mesh, execution.part(0, 0.05));
-  result.report.output = topology(result.mesh, execution.part(0.05, 0.25));
+/// What is proved of samples and diagram, which nobody needs any more then: they go, so that there is room to measure the mesh.
+void certify_and_release(const SamplingSurface& surface, ConflictRule rule, const Execution& execution, SamplingRun& run,
+                         RemeshReport& report) {
+  if (surface.flood != nullptr) report.certificate = certify(surface, run, execution.part(0, 0.6));
+  report.maximality =
+      measure_maximality(*run.diagram, rule, execution.part(0.6, 1), run.disks->knows_surface() ? run.disks.get() : nullptr);
+  run.diagram.reset();
+  run.disks.reset();
+}
+
+/// Measures the mesh.
+void measure(const MeshView& mesh, const SamplingRun& run, const Execution& execution, RemeshResult& result) {
+  result.report.input = surface_topology(mesh, execution.part(0, 0.2));
+  result.report.output = topology(result.mesh, execution.part(0.2, 0.3));
   SelfIntersectionOptions crossing;
   crossing.max_pairs = 0;
-  crossing.execution = execution.part(0.25, 0.28);
+  crossing.execution = execution.part(0.3, 0.75);
   result.report.self_intersections = find_self_intersections(result.mesh, crossing).num_pairs;
   if (result.report.self_intersections > 0) {
-    crossing.execution = execution.part(0.28, 0.3);
+    crossing.execution = execution.part(0.75, 0.8);
     result.report.input_self_intersections = find_self_intersections(mesh, crossing).num_pairs;
   }
-  result.report.quality = quality(result.mesh, execution.part(0.3, 0.4));
+  result.report.quality = quality(result.mesh, execution.part(0.8, 0.9));
   if (run.curves != nullptr) {
-    measure_beside_curves(result.mesh, result.report.optimization, execution.part(0.4, 0.45), result.report.curves);
+    measure_beside_curves(result.mesh, result.report.optimization, execution.part(0.9, 1), result.report.curves);
   } else {
     result.report.curves.away = result.report.quality;
   }
-  if (surface.flood != nullptr) result.report.certificate = certify(surface, run, execution.part(0.45, 0.55));
-  result.report.maximality =
-      measure_maximality(*run.diagram, rule, execution.part(0.55, 1), run.disks->knows_surface() ? run.disks.get() : nullptr);
 }
 
 /// The radius that is wanted, at first estimate: what curves are found by.
@@ -619,12 +626,15 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   }
   report_curves(surface_of_input, run, result);
   result.report.seconds_remesh = watch.lap();
+  certify_and_release(surface_of_input, sampling.conflict_rule,
+                      execution.part(parts.extraction, parts.certificates, "measuring the result"), run, result.report);
+  result.report.seconds_report = watch.lap();
   if (options.fit != Fit::kOff) {
-    fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.extraction, parts.fit, "fitting vertices"), result);
+    fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.certificates, parts.fit, "fitting vertices"), result);
     watch.lap();
   }
-  measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.fit, 1, "measuring the result"), result);
-  result.report.seconds_report = watch.lap();
+  measure(mesh, run, execution.part(parts.fit, 1, "measuring the result"), result);
+  result.report.seconds_report += watch.lap();
   if (misses(result.samples.size(), options.sampling.target_count)) status = std::max(status, Outcome::kCountMissed);
   if (!lost_shape(result.report).empty()) status = std::max(status, Outcome::kShapeChanged);
   result.status = status;

@@ -662,20 +662,29 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   const double target = options.target_count;
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingReport total;
-  double first_scale = 0, first_count = 0;
+  double first_scale = 0, first_count = 0, best_scale = 0;
+  // Of the best run so far only the samples stay while another one is made: diagrams are large.
+  const auto drop_diagram = [&best] {
+    best.diagram.reset();
+    best.disks.reset();
+  };
+  const auto run_of = [&](double scale, std::uint64_t seed, const Execution& part) {
+    const WantedRadii radii =
+        by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
+    SamplingRun run = run_once(mesh, options, radii, surface, seed, part);
+    if (by_field) run.result.report.sizing_scale = scale;
+    return run;
+  };
   bool helps = true;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
     const double scale = model->scale();
     if (attempt == 1) first_scale = scale;
     // Where curves need most of the samples, larger disks on faces help little: the set stays larger than asked for.
     if (surface.curves != nullptr && (scale > kMaxScaleBesideFixed * first_scale || !helps)) break;
-    const WantedRadii radii =
-        by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
+    drop_diagram();
     SamplingRun run;
-    const bool begun =
-        completes([&] { run = run_once(mesh, options, radii, surface, seed, part_of_attempt(execution, attempt)); });
-    if (begun && by_field) run.result.report.sizing_scale = scale;
+    const bool begun = completes([&] { run = run_of(scale, seed, part_of_attempt(execution, attempt)); });
     total.attempts = attempt;
     add_up(total, run.result.report);
     if (!begun || run.result.status == Outcome::kCancelled) {
@@ -694,10 +703,25 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     const double fall = first_count / count;
     helps = count <= target * (1 + kTargetTolerance) || scale <= first_scale || fall * fall > scale / first_scale;
     model->learn(run.result.samples.size());
-    if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
+    if (attempt == 1 || miss(run) < miss(best)) {
+      best = std::move(run);
+      best_scale = scale;
+    }
     if (miss(best) <= kTargetTolerance) break;
     // Curves need the samples that they need, whatever the radius.
     if (attempt >= kMinTargetAttempts && (attempt * target > kTargetSamples || has_curves(surface))) break;
+  }
+  if (best.result.status == Outcome::kDone && best.diagram == nullptr && !surface.result_only) {
+    // Rarely: the same again, of which not a bit differs.
+    SamplingRun run;
+    const bool begun =
+        completes([&] { run = run_of(best_scale, best.result.report.seed, part_of_attempt(execution, total.attempts + 1)); });
+    add_up(total, run.result.report);
+    if (begun && run.result.status == Outcome::kDone) {
+      best = std::move(run);
+    } else {
+      best.result.status = Outcome::kCancelled;
+    }
   }
   SamplingReport& report = best.result.report;
   report.attempts = total.attempts;
@@ -741,12 +765,15 @@ SamplingResult sampled_at(const MeshScale& scale, const MeshView& mesh, const Sa
 
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
   if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, sample);
-  if (options.neighborhood != Neighborhood::kSurface) return std::move(detail::sample_with_diagram(mesh, options).result);
+  detail::SamplingSurface surface;
+  surface.result_only = true;
+  if (options.neighborhood != Neighborhood::kSurface) {
+    return std::move(detail::sample_with_diagram(mesh, options, surface).result);
+  }
   require_usable(mesh);
   constexpr double kFloodsShare = 0.03;
   const Execution execution = options.execution.start();
   SamplingOptions inner = options;
-  detail::SamplingSurface surface;
   SamplingResult result;
   result.status = Outcome::kCancelled;
   if (!detail::completes([&] {
