@@ -20,8 +20,6 @@ namespace {
 
 /// Of a loop that takes 100 ns a fragment, and some µs for one with a gap.
 constexpr std::uint64_t kFragmentsPerLook = 2048;
-/// Pieces of parallel loops: a few tenths of a millisecond.
-constexpr std::size_t kFragmentsPerPiece = 1 << 13, kCellsPerPiece = 1 << 12;
 
 /// min over all pairs of |p_i − p_j| over the larger radius, or over the smaller one.
 ///
@@ -55,6 +53,8 @@ class SeparationMeasure {
   }
 
  private:
+  static constexpr std::size_t kCellsPerPiece = 1 << 12;  // some 0.1 ms
+
   struct OfCells {
     double best = INFINITY;
     bool apart = true;
@@ -88,15 +88,14 @@ class SeparationMeasure {
   }
 
   OfCells look_at_cells(Index begin, Index end) const {
-    // Shares of a ratio, and of its square: what rounding may change.
-    constexpr double kRounding = 1e-14, kSquareRounding = 1e-12;
+    constexpr double kRounding = 1e-12;  // of the square of a ratio, and far more
     OfCells result;
     double square_limit = INFINITY;  // no pair beyond matters
     diagram_.visit_neighbor_pairs(begin, end, [&](Index i, Index j) {
       const WeightedPoint &p = diagram_.site(i), &q = diagram_.site(j);
       const double larger = std::max(p.w, q.w), square = squared_norm(p.position() - q.position());
       if (square > square_limit * (disks_ != nullptr ? larger : kept_apart(rule_, p.w, q.w))) return;
-      if (rule_ == ConflictRule::kMax && square <= larger * (1 + kSquareRounding)) {
+      if (rule_ == ConflictRule::kMax && square <= larger * (1 + kRounding)) {
         const Vec3 centre = q.position();
         result.apart = result.apart && side_of_ball(&p.x, centre.data(), larger) >= 0;
       }
@@ -107,7 +106,7 @@ class SeparationMeasure {
         if (from_i < result.best && disks_->reaches_sample(i, j)) result.best = from_i;
         if (from_j < result.best && disks_->reaches_sample(j, i)) result.best = from_j;
       }
-      square_limit = std::max(result.best * result.best, 1.0) * (1 + kSquareRounding);
+      square_limit = std::max(result.best * result.best, 1.0) * (1 + kRounding);
     });
     return result;
   }
@@ -219,6 +218,7 @@ CoverageOfFragments coverage_of_fragments(const RestrictedPowerDiagram& diagram,
 MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, ConflictRule rule, const Execution& execution,
                                     const DiskSet* disks) {
   const Execution run = execution.start("checking coverage and distances");
+  constexpr std::size_t kFragmentsPerPiece = 1 << 13;  // some 0.2 ms, and more where there are gaps
   const Execution covering = run.part(0, 0.4);
   const std::size_t n = slot(diagram.fragment_capacity());
   std::vector<CoverageOfFragments> found((n + kFragmentsPerPiece - 1) / kFragmentsPerPiece);

@@ -15,8 +15,11 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -251,40 +254,36 @@ struct RemeshParts {
   }
 };
 
-/// Of the surface: equal positions are one point of it, and facets that are there twice are one.
-TopologyReport surface_topology(const MeshView& mesh, const Execution& execution) {
-  Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.5));
-  // Facets keep their order; topology() leaves out those of repeated indices.
-  for (const Index f : find_repeated_facets(mesh, execution.part(0.5, 0.6))) merged.triangles.row(f) << 0, 0, 0;
-  return topology(merged, execution.part(0.6, 1));
-}
-
 /// Has the dual the topology of the surface?
 TopologyCertificate certify(const SamplingSurface& surface, const SamplingRun& run, const Execution& execution) {
   const TopologySamples samples = topology_samples(*run.disks, surface.curves.get(), run.curves.get());
   return surface.topology->check(*run.diagram, samples, execution);
 }
 
-/// The shapes of triangles beside curves and of those away from them. `asked`: bounds of angles, if any.
-void measure_beside_curves(const Mesh& mesh, const OptimizeReport& asked, const Execution& execution, CurveReport& report) {
-  std::vector<Index> beside, away;
-  for_each_piece(static_cast<std::size_t>(mesh.triangles.rows()), kElementsPerLook, execution.part(0, 0.2),
-                 [&](std::size_t begin, std::size_t end) {
-                   for (std::size_t t = begin; t < end; ++t) {
-                     const auto row = mesh.triangles.row(static_cast<std::ptrdiff_t>(t));
-                     std::vector<Index>& side = row.minCoeff() < report.samples ? beside : away;
-                     side.insert(side.end(), {row[0], row[1], row[2]});
-                     if (row.maxCoeff() >= report.samples || !(asked.max_angle > 0)) continue;
-                     AngleRange angles;
-                     angles.add(mesh.vertices.row(row[0]).transpose(), mesh.vertices.row(row[1]).transpose(),
-                                mesh.vertices.row(row[2]).transpose());
-                     if (angles.min_angle() < asked.min_angle || angles.max_angle() > asked.max_angle)
-                       ++report.forced_triangles;
-                   }
-                 });
-  const Triangles triangles_beside(std::move(beside)), triangles_away(std::move(away));
-  report.beside = quality({mesh.vertices, triangles_beside}, execution.part(0.2, 0.5));
-  report.away = quality({mesh.vertices, triangles_away}, execution.part(0.5, 1));
+/// The shapes of triangles, and apart from each other of those beside curves and away from them. `asked`: bounds of angles, if
+/// any.
+void measure_shapes(const Mesh& mesh, const MeshEdges& edges, bool has_curves, const OptimizeReport& asked,
+                    const Execution& execution, RemeshReport& report) {
+  std::vector<char> is_away;
+  if (has_curves) {
+    const Index on_curves = report.curves.samples;
+    is_away.resize(static_cast<std::size_t>(mesh.triangles.rows()));
+    for_each_piece(is_away.size(), kElementsPerLook, execution.part(0, 0.1), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t t = begin; t < end; ++t) {
+        const auto row = mesh.triangles.row(static_cast<std::ptrdiff_t>(t));
+        is_away[t] = row.minCoeff() < on_curves ? 0 : 1;
+        if (row.maxCoeff() >= on_curves || !(asked.max_angle > 0)) continue;
+        AngleRange angles;
+        angles.add(mesh.vertices.row(row[0]).transpose(), mesh.vertices.row(row[1]).transpose(),
+                   mesh.vertices.row(row[2]).transpose());
+        if (angles.min_angle() < asked.min_angle || angles.max_angle() > asked.max_angle) ++report.curves.forced_triangles;
+      }
+    });
+  }
+  const QualityOfParts quality = quality_of_parts(mesh, edges, is_away, execution.part(0.1, 1));
+  report.quality = quality.all;
+  report.curves.beside = quality.parts[0];
+  report.curves.away = has_curves ? quality.parts[1] : quality.all;
 }
 
 /// What is proved of samples and diagram, which nobody needs any more then: they go, so that there is room to measure the mesh.
@@ -297,24 +296,37 @@ void certify_and_release(const SamplingSurface& surface, ConflictRule rule, cons
   run.disks.reset();
 }
 
-/// Measures the mesh.
-void measure(const MeshView& mesh, const SamplingRun& run, const Execution& execution, RemeshResult& result) {
-  result.report.input = surface_topology(mesh, execution.part(0, 0.2));
-  result.report.output = topology(result.mesh, execution.part(0.2, 0.3));
+/// Measures the mesh. `surface`: the edges of the input.
+void measure(const MeshView& mesh, const SurfaceEdges& surface, const SamplingRun& run, const Execution& execution,
+             RemeshResult& result) {
+  RemeshReport& report = result.report;
+  {
+    const MeshEdges edges(result.mesh.triangles, static_cast<Index>(result.mesh.vertices.rows()), {}, execution.part(0, 0.1));
+    // Each takes one thread: what they have in common is little, and they are as long as each other, roughly.
+    const std::function<void(const Execution&)> measures[] = {
+        [&](const Execution& part) {
+          report.input = topology_of(surface.triangles(), surface.num_vertices(), surface.edges(), surface.counted(), part);
+        },
+        [&](const Execution& part) {
+          report.output = topology_of(result.mesh.triangles, static_cast<Index>(result.mesh.vertices.rows()), edges, {}, part);
+        },
+        [&](const Execution& part) {
+          measure_shapes(result.mesh, edges, run.curves != nullptr, report.optimization, part, report);
+        },
+    };
+    const Execution measuring = execution.part(0.1, 0.5);
+    constexpr std::size_t kMeasures = std::size(measures);
+    parallel_for(kMeasures, 1, measuring, [&](std::size_t k, std::size_t) {
+      measures[k](measuring.part(static_cast<double>(k) / kMeasures, static_cast<double>(k + 1) / kMeasures));
+    });
+  }
   SelfIntersectionOptions crossing;
   crossing.max_pairs = 0;
-  crossing.execution = execution.part(0.3, 0.75);
-  result.report.self_intersections = find_self_intersections(result.mesh, crossing).num_pairs;
-  if (result.report.self_intersections > 0) {
-    crossing.execution = execution.part(0.75, 0.8);
-    result.report.input_self_intersections = find_self_intersections(mesh, crossing).num_pairs;
-  }
-  result.report.quality = quality(result.mesh, execution.part(0.8, 0.9));
-  if (run.curves != nullptr) {
-    measure_beside_curves(result.mesh, result.report.optimization, execution.part(0.9, 1), result.report.curves);
-  } else {
-    result.report.curves.away = result.report.quality;
-  }
+  crossing.execution = execution.part(0.5, 0.95);
+  report.self_intersections = find_self_intersections(result.mesh, crossing).num_pairs;
+  if (report.self_intersections == 0) return;
+  crossing.execution = execution.part(0.95, 1);
+  report.input_self_intersections = find_self_intersections(mesh, crossing).num_pairs;
 }
 
 /// The radius that is wanted, at first estimate: what curves are found by.
@@ -612,11 +624,11 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     if (status == Outcome::kCancelled) return;
   }
   const Execution extracting = execution.part(parts.optimization, parts.extraction, "building the mesh");
-  Dual dual =
-      surface_of_input.flood != nullptr
-          ? restricted_triangles(*run.diagram, ids, result.samples.positions, surface_of_input.flood->edges(), extracting)
-          : restricted_triangles(*run.diagram, ids, result.samples.positions, SurfaceEdges(mesh, extracting.part(0, 0.3)),
-                                 extracting.part(0.3, 1));
+  std::optional<SurfaceEdges> of_balls;
+  if (surface_of_input.flood == nullptr) of_balls.emplace(mesh, extracting.part(0, 0.3));
+  const SurfaceEdges& edges = of_balls.has_value() ? *of_balls : surface_of_input.flood->edges();
+  Dual dual = restricted_triangles(*run.diagram, ids, result.samples.positions, edges,
+                                   extracting.part(of_balls.has_value() ? 0.3 : 0, 1));
   result.mesh = {result.samples.positions, std::move(dual.triangles)};
   result.facets = std::move(dual.facets);
   result.patches.assign(result.facets.size(), 0);
@@ -633,7 +645,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.certificates, parts.fit, "fitting vertices"), result);
     watch.lap();
   }
-  measure(mesh, run, execution.part(parts.fit, 1, "measuring the result"), result);
+  measure(mesh, edges, run, execution.part(parts.fit, 1, "measuring the result"), result);
   result.report.seconds_report += watch.lap();
   if (misses(result.samples.size(), options.sampling.target_count)) status = std::max(status, Outcome::kCountMissed);
   if (!lost_shape(result.report).empty()) status = std::max(status, Outcome::kShapeChanged);
