@@ -31,6 +31,8 @@ constexpr double kTargetTolerance = 0.01;
 constexpr int kTargetAttempts = 100;
 constexpr int kMinTargetAttempts = 8;
 constexpr double kTargetSamples = 1e5;
+/// Up to so many samples the best run so far keeps its diagram while others are made for a target_count.
+constexpr Index kFewForDiagrams = 20'000;
 /// Curves that need so many samples, and so many times the wanted number (or what radius, area and length make), are refused:
 /// thin plates, needles.
 constexpr double kCurveSamples = 1e5;
@@ -663,8 +665,9 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingReport total;
   double first_scale = 0, first_count = 0, best_scale = 0;
-  // Of the best run so far only the samples stay while another one is made: diagrams are large.
-  const auto drop_diagram = [&best] {
+  // Of a large set only the samples stay while another one is made: a diagram has some 2 KB a sample.
+  const auto drop_large_diagram = [&best] {
+    if (best.result.samples.size() <= kFewForDiagrams) return;
     best.diagram.reset();
     best.disks.reset();
   };
@@ -682,7 +685,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     // Where curves need most of the samples, larger disks on faces help little: the set stays larger than asked for.
     if (surface.curves != nullptr && (scale > kMaxScaleBesideFixed * first_scale || !helps)) break;
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
-    drop_diagram();
+    drop_large_diagram();
     SamplingRun run;
     const bool begun = completes([&] { run = run_of(scale, seed, part_of_attempt(execution, attempt)); });
     total.attempts = attempt;
