@@ -282,6 +282,7 @@ class RestrictedPowerDiagram {
   bool takes_part(Index s) const;
   void add_ownerless_fragment(Index facet);
   void make_site_tree();
+  void insert_into_site_tree(Index s);
   void compact_pools(const Execution* execution = nullptr);
 
   MeshView mesh_;
