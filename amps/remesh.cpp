@@ -254,12 +254,6 @@ struct RemeshParts {
   }
 };
 
-/// Has the dual the topology of the surface?
-TopologyCertificate certify(const SamplingSurface& surface, const SamplingRun& run, const Execution& execution) {
-  const TopologySamples samples = topology_samples(*run.disks, surface.curves.get(), run.curves.get());
-  return surface.topology->check(*run.diagram, samples, execution);
-}
-
 /// The shapes of triangles, and apart from each other of those beside curves and away from them. `asked`: bounds of angles, if
 /// any.
 void measure_shapes(const Mesh& mesh, const MeshEdges& edges, bool has_curves, const OptimizeReport& asked,
@@ -289,9 +283,13 @@ void measure_shapes(const Mesh& mesh, const MeshEdges& edges, bool has_curves, c
 /// What is proved of samples and diagram, which nobody needs any more then: they go, so that there is room to measure the mesh.
 void certify_and_release(const SamplingSurface& surface, ConflictRule rule, const Execution& execution, SamplingRun& run,
                          RemeshReport& report) {
-  if (surface.flood != nullptr) report.certificate = certify(surface, run, execution.part(0, 0.6));
   report.maximality =
-      measure_maximality(*run.diagram, rule, execution.part(0.6, 1), run.disks->knows_surface() ? run.disks.get() : nullptr);
+      measure_maximality(*run.diagram, rule, execution.part(0, 0.4), run.disks->knows_surface() ? run.disks.get() : nullptr);
+  if (surface.flood != nullptr) {
+    TopologySamples samples = topology_samples(*run.disks, surface.curves.get(), run.curves.get());
+    samples.covered = report.maximality.gaps == 0;
+    report.certificate = surface.topology->check(*run.diagram, samples, execution.part(0.4, 1));
+  }
   run.diagram.reset();
   run.disks.reset();
 }
