@@ -354,40 +354,46 @@ Index count_boundary_loops(const detail::MeshEdges& edges, const std::vector<std
 
 }  // namespace
 
-TopologyReport topology(const MeshView& mesh, const Execution& execution) {
-  require_index_sizes(mesh);
-  const Execution run = execution.start("looking at the topology");
-  const auto num_vertices = static_cast<std::size_t>(mesh.num_vertices());
+TopologyReport detail::topology_of(const TrianglesView& triangles, Index num_vertices, const MeshEdges& edges,
+                                   const std::vector<char>& counted, const Execution& run) {
   TopologyReport report;
-  std::vector<char> counted(static_cast<std::size_t>(mesh.num_facets()), 0);
-  std::vector<char> used(num_vertices, 0);
-  detail::UnionFind surface(num_vertices);
-  for_each_watched(mesh.num_facets(), run.part(0, 0.1), [&](Index f) {
-    if (!facet_in_range(mesh, f) || facet_has_repeated_index(mesh, f)) return;
-    counted[static_cast<std::size_t>(f)] = 1;
+  std::vector<char> used(slot(num_vertices), 0);
+  UnionFind surface(used.size());
+  for_each_watched(static_cast<Index>(triangles.rows()), run.part(0, 0.15), [&](Index f) {
+    if (!counted.empty() && counted[slot(f)] == 0) return;
     ++report.facets;
     for (int k = 0; k < 3; ++k) {
-      used[static_cast<std::size_t>(mesh.triangles(f, k))] = 1;
-      surface.join(static_cast<std::size_t>(mesh.triangles(f, 0)), static_cast<std::size_t>(mesh.triangles(f, k)));
+      used[slot(triangles(f, k))] = 1;
+      if (k > 0) surface.join(slot(triangles(f, 0)), slot(triangles(f, k)));
     }
   });
   report.vertices = static_cast<Index>(std::count(used.begin(), used.end(), char{1}));
-  report.components = static_cast<Index>(surface.count(used, run.part(0.1, 0.12)));
-
-  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0.12, 0.45));
-  count_edges(edges, report, run.part(0.45, 0.5));
+  report.components = static_cast<Index>(surface.count(used, run.part(0.15, 0.2)));
+  count_edges(edges, report, run.part(0.2, 0.3));
   report.euler_characteristic = report.vertices - report.edges + report.facets;
 
-  const std::vector<std::size_t> fans = detail::corner_fans(edges, {}, run.part(0.5, 0.75));
-  report.boundary_loops = count_boundary_loops(edges, fans, run.part(0.75, 0.9));
+  const std::vector<std::size_t> fans = corner_fans(edges, {}, run.part(0.3, 0.65));
+  report.boundary_loops = count_boundary_loops(edges, fans, run.part(0.65, 0.85));
 
   // Where three or more facets meet at an edge, their corners are in one fan; vertices of such edges are not asked for theirs.
-  std::vector<Index> fans_at = detail::fans_at_vertices(mesh.triangles, mesh.num_vertices(), fans, counted, run.part(0.9, 1));
+  std::vector<Index> fans_at = fans_at_vertices(triangles, num_vertices, fans, counted, run.part(0.85, 1));
   for (std::size_t e = 0; e < edges.size(); ++e) {
-    if (edges[e].non_manifold()) fans_at[detail::slot(edges[e].low)] = fans_at[detail::slot(edges[e].high)] = 1;
+    if (edges[e].non_manifold()) fans_at[slot(edges[e].low)] = fans_at[slot(edges[e].high)] = 1;
   }
   report.non_manifold_vertices =
       static_cast<Index>(std::count_if(fans_at.begin(), fans_at.end(), [](Index n) { return n > 1; }));
+  return report;
+}
+
+TopologyReport topology(const MeshView& mesh, const Execution& execution) {
+  require_index_sizes(mesh);
+  const Execution run = execution.start("looking at the topology");
+  std::vector<char> counted(static_cast<std::size_t>(mesh.num_facets()), 0);
+  for_each_watched(mesh.num_facets(), run.part(0, 0.05), [&](Index f) {
+    counted[detail::slot(f)] = facet_in_range(mesh, f) && !facet_has_repeated_index(mesh, f) ? 1 : 0;
+  });
+  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0.05, 0.4));
+  const TopologyReport report = detail::topology_of(mesh.triangles, mesh.num_vertices(), edges, counted, run.part(0.4, 1));
   run.finish();
   return report;
 }

@@ -108,6 +108,10 @@ std::vector<std::size_t> corner_fans(const MeshEdges& edges, const std::vector<c
 std::vector<Index> fans_at_vertices(const TrianglesView& triangles, Index num_vertices, const std::vector<std::size_t>& fans,
                                     const std::vector<char>& counted = {}, const Execution& run = {});
 
+/// topology() of the facets that these edges are of; `counted` as the edges were made with. (In mesh.cpp.)
+TopologyReport topology_of(const TrianglesView& triangles, Index num_vertices, const MeshEdges& edges,
+                           const std::vector<char>& counted = {}, const Execution& run = {});
+
 /// Points without repetition, numbered as they come. Equal are equal coordinates (−0 equals 0); a point with a NaN equals none,
 /// not even itself. O(1) expected a call.
 class DistinctPoints {

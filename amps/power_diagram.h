@@ -143,6 +143,24 @@ class RestrictedPowerDiagram {
   /// The same for all sites at once.
   AMPS_EXPORT RegularTriangulation::Adjacency adjacency(const Execution& execution = {}) const;
 
+  /// The same, pair by pair, for loops that need no memory of it: visit(i, j) for the pairs of sites of the cells in [begin,
+  /// end) of the triangulation, of cell_capacity(). Over all cells that is each pair of neighbours, in one order or the other,
+  /// some five times.
+  Index cell_capacity() const { return triangulation_.cell_capacity(); }
+  template <class Visit>
+  void visit_neighbor_pairs(Index begin, Index end, const Visit& visit) const {
+    for (Index c = begin; c < end; ++c) {
+      const RegularTriangulation::Cell& cell = triangulation_.cell(c);
+      if (!cell.alive() || cell.ghost()) continue;  // a ghost's pairs are those of the cell behind it
+      for (std::size_t a = 1; a < cell.vertex.size(); ++a) {
+        for (std::size_t b = 0; b < a; ++b) {
+          if (cell.vertex[a] < kSentinels || cell.vertex[b] < kSentinels) continue;
+          visit(cell.vertex[a] - kSentinels, cell.vertex[b] - kSentinels);
+        }
+      }
+    }
+  }
+
   /// One dual triangle for each vertex where three cells meet inside a facet: (i, j, k) counter-clockwise in the orientation of
   /// that facet, i the smallest. `facets` (optional): the facet of each. A triple appears as often as its cells meet; of the
   /// triangulation are those that do so an odd number of times (remesh.h).
@@ -264,6 +282,7 @@ class RestrictedPowerDiagram {
   bool takes_part(Index s) const;
   void add_ownerless_fragment(Index facet);
   void make_site_tree();
+  void insert_into_site_tree(Index s);
   void compact_pools(const Execution* execution = nullptr);
 
   MeshView mesh_;

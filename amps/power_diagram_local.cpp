@@ -158,8 +158,12 @@ void RestrictedPowerDiagram::add_ownerless_fragment(Index facet) {
 void RestrictedPowerDiagram::make_site_tree() {
   site_tree_ = detail::SiteTree(low_, high_);
   for (Index s = 0; s < num_sites(); ++s) {
-    if (!removed(s)) site_tree_.insert(site(s).position(), site(s).w, s);
+    if (!removed(s)) insert_into_site_tree(s);
   }
+}
+
+void RestrictedPowerDiagram::insert_into_site_tree(Index s) {
+  site_tree_.insert(site(s).position(), site(s).w, s, [this](Index other) { return site(other).position(); });
 }
 
 /// The cell of `owner` in the facet that the clipper is set to.
@@ -216,7 +220,7 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
 }
 
 void RestrictedPowerDiagram::enter_local_facets(Index s) {
-  if (!site_tree_.empty()) site_tree_.insert(site(s).position(), site(s).w, s);
+  if (!site_tree_.empty()) insert_into_site_tree(s);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     // Its duplicate: no bisector tells the two apart.
     if (v >= kSentinels && v != s + kSentinels && !takes_part(v - kSentinels)) give_local_facets_away(v - kSentinels);

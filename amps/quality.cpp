@@ -75,78 +75,78 @@ bool quality_skips(const TrianglesView& triangles, Index f) {
   return triangles(f, 0) == triangles(f, 1) || triangles(f, 1) == triangles(f, 2) || triangles(f, 2) == triangles(f, 0);
 }
 
-void measure_facets(const MeshView& mesh, QualityReport& report, const Execution& run) {
-  detail::Ticker ticker(run, detail::slot(mesh.num_facets()), detail::kEdgesPerLook);
-  report.min_angle = 180;
-  report.min_q = 1;
-  double smallest_area = std::numeric_limits<double>::infinity();
-  double largest_area = 0;
-  Index below_30 = 0;
-  Index above_90 = 0;
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
-    ticker.tick();
-    if (quality_skips(mesh.triangles, f)) continue;
-    const FacetShape shape = facet_shape(mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2));
-    ++report.triangles;
-    report.min_angle = std::min(report.min_angle, shape.smallest_angle);
-    report.max_angle = std::max(report.max_angle, shape.largest_angle);
-    report.mean_min_angle += shape.smallest_angle;
-    report.min_q = std::min(report.min_q, shape.q);
-    report.mean_q += shape.q;
-    below_30 += shape.smallest_angle < 30;
-    above_90 += shape.obtuse;
+/// The report of facets and edges that are added, in order.
+class QualityMeasure {
+ public:
+  explicit QualityMeasure(std::size_t num_vertices) : degree_(num_vertices, 0), on_boundary_(num_vertices, 0) {
+    report_.min_angle = 180;
+    report_.min_q = 1;
+  }
+
+  void add_facet(const FacetShape& shape) {
+    ++report_.triangles;
+    report_.min_angle = std::min(report_.min_angle, shape.smallest_angle);
+    report_.max_angle = std::max(report_.max_angle, shape.largest_angle);
+    report_.mean_min_angle += shape.smallest_angle;
+    report_.min_q = std::min(report_.min_q, shape.q);
+    report_.mean_q += shape.q;
+    below_30_ += shape.smallest_angle < 30;
+    above_90_ += shape.obtuse;
     for (const double angle : shape.angles) {
-      ++report.angles[std::min(static_cast<std::size_t>(angle / kDegreesPerBin), report.angles.size() - 1)];
+      ++report_.angles[std::min(static_cast<std::size_t>(angle / kDegreesPerBin), report_.angles.size() - 1)];
     }
-    smallest_area = std::min(smallest_area, shape.area);
-    largest_area = std::max(largest_area, shape.area);
+    smallest_area_ = std::min(smallest_area_, shape.area);
+    report_.max_area = std::max(report_.max_area, shape.area);
   }
-  if (report.triangles == 0) {
-    report.min_angle = 0;
-    report.min_q = 0;
-    return;
-  }
-  const double n = report.triangles;
-  report.mean_min_angle /= n;
-  report.mean_q /= n;
-  report.below_30 = 100 * below_30 / n;
-  report.above_90 = 100 * above_90 / n;
-  report.min_area = smallest_area;
-  report.max_area = largest_area;
-  report.area_ratio = largest_area > 0 ? smallest_area / largest_area : 0;
-}
 
-void measure_edges(const MeshView& mesh, QualityReport& report, const Execution& run) {
-  std::vector<char> counted(detail::slot(mesh.num_facets()));
-  for (Index f = 0; f < mesh.num_facets(); ++f) counted[detail::slot(f)] = quality_skips(mesh.triangles, f) ? 0 : 1;
-  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0, 0.6));
-  detail::Ticker ticker(run.part(0.6, 0.95), edges.size(), detail::kEdgesPerLook);
-  const auto num_vertices = detail::slot(mesh.num_vertices());
-  std::vector<Index> degree(num_vertices, 0);
-  std::vector<char> on_boundary(num_vertices, 0);
-  for (std::size_t e = 0; e < edges.size(); ++e) {
-    ticker.tick();
-    const detail::MeshEdge edge = edges[e];
-    const std::size_t low = detail::slot(edge.low), high = detail::slot(edge.high);
-    const double length = detail::norm(mesh.vertices[edge.low] - mesh.vertices[edge.high]);
-    report.min_edge = e == 0 ? length : std::min(report.min_edge, length);
-    report.max_edge = std::max(report.max_edge, length);
-    report.mean_edge += length;
-    ++degree[low];
-    ++degree[high];
-    if (edge.boundary()) on_boundary[low] = on_boundary[high] = 1;
+  void add_edge(Index low, Index high, double length, bool boundary) {
+    report_.min_edge = num_edges_ == 0 ? length : std::min(report_.min_edge, length);
+    report_.max_edge = std::max(report_.max_edge, length);
+    report_.mean_edge += length;
+    ++num_edges_;
+    for (const Index v : {low, high}) {
+      ++degree_[detail::slot(v)];
+      if (boundary) on_boundary_[detail::slot(v)] = 1;
+    }
   }
-  if (edges.size() > 0) report.mean_edge /= static_cast<double>(edges.size());
 
-  Index good = 0;
-  for (std::size_t v = 0; v < num_vertices; ++v) {
-    if (degree[v] == 0 || on_boundary[v] != 0) continue;
-    ++report.interior_vertices;
-    ++report.valence[std::min(static_cast<std::size_t>(degree[v]), report.valence.size() - 1)];
-    good += degree[v] >= 5 && degree[v] <= 7;
+  QualityReport finish() {
+    finish_facets();
+    if (num_edges_ > 0) report_.mean_edge /= static_cast<double>(num_edges_);
+    Index good = 0;
+    for (std::size_t v = 0; v < degree_.size(); ++v) {
+      if (degree_[v] == 0 || on_boundary_[v] != 0) continue;
+      ++report_.interior_vertices;
+      ++report_.valence[std::min(static_cast<std::size_t>(degree_[v]), report_.valence.size() - 1)];
+      good += degree_[v] >= 5 && degree_[v] <= 7;
+    }
+    if (report_.interior_vertices > 0) report_.valence_5_6_7 = 100.0 * good / report_.interior_vertices;
+    return report_;
   }
-  if (report.interior_vertices > 0) report.valence_5_6_7 = 100.0 * good / report.interior_vertices;
-}
+
+ private:
+  void finish_facets() {
+    if (report_.triangles == 0) {
+      report_.min_angle = 0;
+      report_.min_q = 0;
+      return;
+    }
+    const double n = report_.triangles;
+    report_.mean_min_angle /= n;
+    report_.mean_q /= n;
+    report_.below_30 = 100 * below_30_ / n;
+    report_.above_90 = 100 * above_90_ / n;
+    report_.min_area = smallest_area_;
+    report_.area_ratio = report_.max_area > 0 ? smallest_area_ / report_.max_area : 0;
+  }
+
+  QualityReport report_;
+  double smallest_area_ = std::numeric_limits<double>::infinity();
+  Index below_30_ = 0, above_90_ = 0;
+  std::size_t num_edges_ = 0;
+  std::vector<Index> degree_;
+  std::vector<char> on_boundary_;
+};
 
 }  // namespace
 
@@ -161,11 +161,57 @@ QualityReport quality(const MeshView& mesh, const Execution& execution) {
     return report;
   }
   const Execution run = execution.start("measuring triangles");
-  QualityReport report;
-  measure_facets(mesh, report, run.part(0, 0.6));
-  measure_edges(mesh, report, run.part(0.6, 1));
+  QualityMeasure measure(detail::slot(mesh.num_vertices()));
+  std::vector<char> counted(detail::slot(mesh.num_facets()), 0);
+  detail::Ticker facets(run.part(0, 0.6), counted.size(), detail::kEdgesPerLook);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    facets.tick();
+    if (quality_skips(mesh.triangles, f)) continue;
+    counted[detail::slot(f)] = 1;
+    measure.add_facet(facet_shape(mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2)));
+  }
+  const detail::MeshEdges edges(mesh.triangles, mesh.num_vertices(), counted, run.part(0.6, 0.85));
+  detail::Ticker ticker(run.part(0.85, 1), edges.size(), detail::kEdgesPerLook);
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    ticker.tick();
+    const detail::MeshEdge edge = edges[e];
+    measure.add_edge(edge.low, edge.high, detail::norm(mesh.vertices[edge.low] - mesh.vertices[edge.high]), edge.boundary());
+  }
+  const QualityReport report = measure.finish();
   run.finish();
   return report;
+}
+
+detail::QualityOfParts detail::quality_of_parts(const MeshView& mesh, const MeshEdges& edges, const std::vector<char>& part,
+                                                const Execution& run) {
+  const std::size_t num_vertices = slot(mesh.num_vertices());
+  QualityMeasure all(num_vertices);
+  std::vector<QualityMeasure> parts(part.empty() ? 0 : 2, QualityMeasure(num_vertices));
+  Ticker facets(run.part(0, 0.8), slot(mesh.num_facets()), kEdgesPerLook);
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    facets.tick();
+    const FacetShape shape = facet_shape(mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2));
+    all.add_facet(shape);
+    if (!part.empty()) parts[slot(part[slot(f)])].add_facet(shape);
+  }
+  Ticker ticker(run.part(0.8, 1), edges.size(), kEdgesPerLook);
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    ticker.tick();
+    const MeshEdge edge = edges[e];
+    const double length = norm(mesh.vertices[edge.low] - mesh.vertices[edge.high]);
+    all.add_edge(edge.low, edge.high, length, edge.boundary());
+    std::size_t sides[2] = {0, 0};
+    for (const EdgeSide& side : edge) {
+      if (!part.empty()) ++sides[slot(part[slot(side.facet)])];
+    }
+    for (std::size_t k = 0; k < 2; ++k) {
+      if (sides[k] > 0) parts[k].add_edge(edge.low, edge.high, length, sides[k] == 1);
+    }
+  }
+  QualityOfParts result;
+  result.all = all.finish();
+  for (std::size_t k = 0; k < parts.size(); ++k) result.parts[k] = parts[k].finish();
+  return result;
 }
 
 BoundRatios bound_ratios(const MeshView& mesh, const ValuesView& radii, const Execution& execution) {

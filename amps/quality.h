@@ -55,6 +55,16 @@ AMPS_EXPORT BoundRatios bound_ratios(const MeshView& mesh, const ValuesView& rad
 
 namespace detail {
 
+class MeshEdges;
+
+struct QualityOfParts {
+  QualityReport all;
+  std::array<QualityReport, 2> parts;
+};
+/// quality() of a mesh whose edges are known, at a scale near 1, with no facet of a repeated index; and of its parts, each as
+/// if it were a mesh: the facets with flag 0, and those with flag 1. `part`: flags by facet; empty: the whole alone.
+QualityOfParts quality_of_parts(const MeshView& mesh, const MeshEdges& edges, const std::vector<char>& part,
+                                const Execution& run);
 /// From units of `scale`.
 void scale_back(QualityReport& report, const MeshScale& scale);
 

@@ -16,8 +16,11 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -229,86 +232,100 @@ Dual restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vect
 
 /// The ends of the parts of remesh() in the range of progress.
 struct RemeshParts {
-  double sampling, optimization, extraction, fit;
+  double sampling, optimization, extraction, certificates, fit;
 
   RemeshParts(const MeshView& mesh, const SamplingOptions& options, const RemeshOptions& all) {
     // Microseconds a sample or facet, roughly.
-    constexpr double kExtractionCost = 0.6, kReportCost = 1.7, kReportFacetCost = 0.3;
+    constexpr double kExtractionCost = 0.6, kCertificateCost = 0.9, kReportCost = 1.3, kReportFacetCost = 0.2;
     const auto facets = static_cast<double>(mesh.num_facets());
     const double samples = expected_samples(mesh, options);
     sampling = sampling_cost(samples, facets, options.execution.workers());
     optimization = sampling;
     if (all.optimize) optimization += optimization_cost(all.optimization, samples, is_one_radius(options.sizing));
     extraction = optimization + kExtractionCost * samples;
-    fit = extraction;
+    certificates = extraction + kCertificateCost * samples + kReportFacetCost * facets;
+    fit = certificates;
     if (all.fit != Fit::kOff) {
       constexpr double kNormalCost = 10, kFreeCost = 100, kFitFacetCost = 1.5;
       const double cost = all.fit == Fit::kNormal ? kNormalCost : kFreeCost;
       fit += kFitFacetCost * facets + cost * samples / options.execution.workers();
     }
     const double end = fit + kReportCost * samples + kReportFacetCost * facets;
-    for (double* share : {&sampling, &optimization, &extraction, &fit}) *share /= end;
+    for (double* share : {&sampling, &optimization, &extraction, &certificates, &fit}) *share /= end;
   }
 };
 
-/// Of the surface: equal positions are one point of it, and facets that are there twice are one.
-TopologyReport surface_topology(const MeshView& mesh, const Execution& execution) {
-  Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.5));
-  // Facets keep their order; topology() leaves out those of repeated indices.
-  for (const Index f : find_repeated_facets(mesh, execution.part(0.5, 0.6))) merged.triangles.row(f) << 0, 0, 0;
-  return topology(merged, execution.part(0.6, 1));
+/// The shapes of triangles, and apart from each other of those beside curves and away from them. `asked`: bounds of angles, if
+/// any.
+void measure_shapes(const Mesh& mesh, const MeshEdges& edges, bool has_curves, const OptimizeReport& asked,
+                    const Execution& execution, RemeshReport& report) {
+  std::vector<char> is_away;
+  if (has_curves) {
+    const Index on_curves = report.curves.samples;
+    is_away.resize(static_cast<std::size_t>(mesh.triangles.rows()));
+    for_each_piece(is_away.size(), kElementsPerLook, execution.part(0, 0.1), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t t = begin; t < end; ++t) {
+        const auto row = mesh.triangles.row(static_cast<std::ptrdiff_t>(t));
+        is_away[t] = row.minCoeff() < on_curves ? 0 : 1;
+        if (row.maxCoeff() >= on_curves || !(asked.max_angle > 0)) continue;
+        AngleRange angles;
+        angles.add(mesh.vertices.row(row[0]).transpose(), mesh.vertices.row(row[1]).transpose(),
+                   mesh.vertices.row(row[2]).transpose());
+        if (angles.min_angle() < asked.min_angle || angles.max_angle() > asked.max_angle) ++report.curves.forced_triangles;
+      }
+    });
+  }
+  const QualityOfParts quality = quality_of_parts(mesh, edges, is_away, execution.part(0.1, 1));
+  report.quality = quality.all;
+  report.curves.beside = quality.parts[0];
+  report.curves.away = has_curves ? quality.parts[1] : quality.all;
 }
 
-/// Has the dual the topology of the surface?
-TopologyCertificate certify(const SamplingSurface& surface, const SamplingRun& run, const Execution& execution) {
-  const TopologySamples samples = topology_samples(*run.disks, surface.curves.get(), run.curves.get());
-  return surface.topology->check(*run.diagram, samples, execution);
+/// What is proved of samples and diagram, which nobody needs any more then: they go, so that there is room to measure the mesh.
+void certify_and_release(const SamplingSurface& surface, ConflictRule rule, const Execution& execution, SamplingRun& run,
+                         RemeshReport& report) {
+  report.maximality =
+      measure_maximality(*run.diagram, rule, execution.part(0, 0.4), run.disks->knows_surface() ? run.disks.get() : nullptr);
+  if (surface.flood != nullptr) {
+    TopologySamples samples = topology_samples(*run.disks, surface.curves.get(), run.curves.get());
+    samples.covered = report.maximality.gaps == 0;
+    report.certificate = surface.topology->check(*run.diagram, samples, execution.part(0.4, 1));
+  }
+  run.diagram.reset();
+  run.disks.reset();
 }
 
-/// The shapes of triangles beside curves and of those away from them. `asked`: bounds of angles, if any.
-void measure_beside_curves(const Mesh& mesh, const OptimizeReport& asked, const Execution& execution, CurveReport& report) {
-  std::vector<Index> beside, away;
-  for_each_piece(static_cast<std::size_t>(mesh.triangles.rows()), kElementsPerLook, execution.part(0, 0.2),
-                 [&](std::size_t begin, std::size_t end) {
-                   for (std::size_t t = begin; t < end; ++t) {
-                     const auto row = mesh.triangles.row(static_cast<std::ptrdiff_t>(t));
-                     std::vector<Index>& side = row.minCoeff() < report.samples ? beside : away;
-                     side.insert(side.end(), {row[0], row[1], row[2]});
-                     if (row.maxCoeff() >= report.samples || !(asked.max_angle > 0)) continue;
-                     AngleRange angles;
-                     angles.add(mesh.vertices.row(row[0]).transpose(), mesh.vertices.row(row[1]).transpose(),
-                                mesh.vertices.row(row[2]).transpose());
-                     if (angles.min_angle() < asked.min_angle || angles.max_angle() > asked.max_angle)
-                       ++report.forced_triangles;
-                   }
-                 });
-  const Triangles triangles_beside(std::move(beside)), triangles_away(std::move(away));
-  report.beside = quality({mesh.vertices, triangles_beside}, execution.part(0.2, 0.5));
-  report.away = quality({mesh.vertices, triangles_away}, execution.part(0.5, 1));
-}
-
-/// Measures the result, except what was measured on the way.
-void measure(const MeshView& mesh, const SamplingSurface& surface, const SamplingRun& run, ConflictRule rule,
-             const Execution& execution, RemeshResult& result) {
-  result.report.input = surface_topology(mesh, execution.part(0, 0.05));
-  result.report.output = topology(result.mesh, execution.part(0.05, 0.25));
+/// Measures the mesh. `surface`: the edges of the input.
+void measure(const MeshView& mesh, const SurfaceEdges& surface, const SamplingRun& run, const Execution& execution,
+             RemeshResult& result) {
+  RemeshReport& report = result.report;
+  {
+    const MeshEdges edges(result.mesh.triangles, static_cast<Index>(result.mesh.vertices.rows()), {}, execution.part(0, 0.1));
+    // Each takes one thread: what they have in common is little, and they are as long as each other, roughly.
+    const std::function<void(const Execution&)> measures[] = {
+        [&](const Execution& part) {
+          report.input = topology_of(surface.triangles(), surface.num_vertices(), surface.edges(), surface.counted(), part);
+        },
+        [&](const Execution& part) {
+          report.output = topology_of(result.mesh.triangles, static_cast<Index>(result.mesh.vertices.rows()), edges, {}, part);
+        },
+        [&](const Execution& part) {
+          measure_shapes(result.mesh, edges, run.curves != nullptr, report.optimization, part, report);
+        },
+    };
+    const Execution measuring = execution.part(0.1, 0.5);
+    constexpr std::size_t kMeasures = std::size(measures);
+    parallel_for(kMeasures, 1, measuring, [&](std::size_t k, std::size_t) {
+      measures[k](measuring.part(static_cast<double>(k) / kMeasures, static_cast<double>(k + 1) / kMeasures));
+    });
+  }
   SelfIntersectionOptions crossing;
   crossing.max_pairs = 0;
-  crossing.execution = execution.part(0.25, 0.28);
-  result.report.self_intersections = find_self_intersections(result.mesh, crossing).num_pairs;
-  if (result.report.self_intersections > 0) {
-    crossing.execution = execution.part(0.28, 0.3);
-    result.report.input_self_intersections = find_self_intersections(mesh, crossing).num_pairs;
-  }
-  result.report.quality = quality(result.mesh, execution.part(0.3, 0.4));
-  if (run.curves != nullptr) {
-    measure_beside_curves(result.mesh, result.report.optimization, execution.part(0.4, 0.45), result.report.curves);
-  } else {
-    result.report.curves.away = result.report.quality;
-  }
-  if (surface.flood != nullptr) result.report.certificate = certify(surface, run, execution.part(0.45, 0.55));
-  result.report.maximality =
-      measure_maximality(*run.diagram, rule, execution.part(0.55, 1), run.disks->knows_surface() ? run.disks.get() : nullptr);
+  crossing.execution = execution.part(0.5, 0.95);
+  report.self_intersections = find_self_intersections(result.mesh, crossing).num_pairs;
+  if (report.self_intersections == 0) return;
+  crossing.execution = execution.part(0.95, 1);
+  report.input_self_intersections = find_self_intersections(mesh, crossing).num_pairs;
 }
 
 /// The radius that is wanted, at first estimate: what curves are found by.
@@ -662,11 +679,11 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     if (status == Outcome::kCancelled) return;
   }
   const Execution extracting = execution.part(parts.optimization, parts.extraction, "building the mesh");
-  Dual dual =
-      surface_of_input.flood != nullptr
-          ? restricted_triangles(*run.diagram, ids, result.samples.positions, surface_of_input.flood->edges(), extracting)
-          : restricted_triangles(*run.diagram, ids, result.samples.positions, SurfaceEdges(mesh, extracting.part(0, 0.3)),
-                                 extracting.part(0.3, 1));
+  std::optional<SurfaceEdges> of_balls;
+  if (surface_of_input.flood == nullptr) of_balls.emplace(mesh, extracting.part(0, 0.3));
+  const SurfaceEdges& edges = of_balls.has_value() ? *of_balls : surface_of_input.flood->edges();
+  Dual dual = restricted_triangles(*run.diagram, ids, result.samples.positions, edges,
+                                   extracting.part(of_balls.has_value() ? 0.3 : 0, 1));
   result.mesh = {result.samples.positions, std::move(dual.triangles)};
   result.facets = std::move(dual.facets);
   result.patches.assign(result.facets.size(), 0);
@@ -676,12 +693,15 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   }
   report_curves(surface_of_input, run, result);
   result.report.seconds_remesh = watch.lap();
+  certify_and_release(surface_of_input, sampling.conflict_rule,
+                      execution.part(parts.extraction, parts.certificates, "measuring the result"), run, result.report);
+  result.report.seconds_report = watch.lap();
   if (options.fit != Fit::kOff) {
-    fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.extraction, parts.fit, "fitting vertices"), result);
+    fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.certificates, parts.fit, "fitting vertices"), result);
     watch.lap();
   }
-  measure(mesh, surface_of_input, run, sampling.conflict_rule, execution.part(parts.fit, 1, "measuring the result"), result);
-  result.report.seconds_report = watch.lap();
+  measure(mesh, edges, run, execution.part(parts.fit, 1, "measuring the result"), result);
+  result.report.seconds_report += watch.lap();
   if (misses(result.samples.size(), options.sampling)) status = std::max(status, Outcome::kCountMissed);
   if (!lost_shape(result.report).empty()) status = std::max(status, Outcome::kShapeChanged);
   result.status = status;

@@ -39,6 +39,8 @@ constexpr double kTargetSamples = 1e5;
 constexpr double kNearTarget = 0.15;
 constexpr int kNearTargetAttempts = 12;
 constexpr double kNearTargetSamples = 1e4;
+/// Up to so many samples the best run so far keeps its diagram while others are made for a target_count.
+constexpr Index kFewForDiagrams = 20'000;
 /// Curves that need so many samples, and so many times the wanted number (or what radius, area and length make), are refused:
 /// thin plates, needles.
 constexpr double kCurveSamples = 1e5;
@@ -690,20 +692,30 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   const double target = options.target_count;
   const auto miss = [target](const SamplingRun& run) { return std::fabs(run.result.samples.size() - target) / target; };
   SamplingReport total;
-  double first_scale = 0, first_count = 0;
+  double first_scale = 0, first_count = 0, best_scale = 0;
+  // Of a large set only the samples stay while another one is made: a diagram has some 2 KB a sample.
+  const auto drop_large_diagram = [&best] {
+    if (best.result.samples.size() <= kFewForDiagrams) return;
+    best.diagram.reset();
+    best.disks.reset();
+  };
+  const auto run_of = [&](double scale, std::uint64_t seed, const Execution& part) {
+    const WantedRadii radii =
+        by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
+    SamplingRun run = run_once(mesh, options, radii, surface, seed, part);
+    if (by_field) run.result.report.sizing_scale = scale;
+    return run;
+  };
   bool helps = true, by_chance = false;
   for (int attempt = 1; attempt <= kTargetAttempts; ++attempt) {
     const double scale = model->scale();
     if (attempt == 1) first_scale = scale;
     // Where curves need most of the samples, larger disks on faces help little: the set stays larger than asked for.
     if (surface.curves != nullptr && (scale > kMaxScaleBesideFixed * first_scale || !(helps || by_chance))) break;
-    const WantedRadii radii =
-        by_field ? WantedRadii(options.sizing.scaled(scale), options.conflict_rule) : WantedRadii(scale, options.conflict_rule);
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
+    drop_large_diagram();
     SamplingRun run;
-    const bool begun =
-        completes([&] { run = run_once(mesh, options, radii, surface, seed, part_of_attempt(execution, attempt)); });
-    if (begun && by_field) run.result.report.sizing_scale = scale;
+    const bool begun = completes([&] { run = run_of(scale, seed, part_of_attempt(execution, attempt)); });
     total.attempts = attempt;
     add_up(total, run.result.report);
     if (!begun || run.result.status == Outcome::kCancelled) {
@@ -722,11 +734,26 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     const double fall = first_count / count;
     helps = count <= target * (1 + kTargetTolerance) || scale <= first_scale || fall * fall > scale / first_scale;
     model->learn(run.result.samples.size());
-    if (attempt == 1 || miss(run) < miss(best)) best = std::move(run);
+    if (attempt == 1 || miss(run) < miss(best)) {
+      best = std::move(run);
+      best_scale = scale;
+    }
     if (miss(best) <= kTargetTolerance) break;
     // Curves need the samples that they need, whatever the radius.
     by_chance = miss(best) <= kNearTarget && attempt < kNearTargetAttempts && attempt * target <= kNearTargetSamples;
     if (attempt >= kMinTargetAttempts && (attempt * target > kTargetSamples || (has_curves(surface) && !by_chance))) break;
+  }
+  if (best.result.status == Outcome::kDone && best.diagram == nullptr && !surface.result_only) {
+    // Rarely: the same again, of which not a bit differs.
+    SamplingRun run;
+    const bool begun =
+        completes([&] { run = run_of(best_scale, best.result.report.seed, part_of_attempt(execution, total.attempts + 1)); });
+    add_up(total, run.result.report);
+    if (begun && run.result.status == Outcome::kDone) {
+      best = std::move(run);
+    } else {
+      best.result.status = Outcome::kCancelled;
+    }
   }
   SamplingReport& report = best.result.report;
   report.attempts = total.attempts;
@@ -805,12 +832,10 @@ SamplingResult sampled_at(const MeshScale& scale, const MeshView& mesh, const Sa
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
   if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, sample);
   const bool knows_surface = options.neighborhood == Neighborhood::kSurface;
-  if (!knows_surface && !options.exact_count) return std::move(detail::sample_with_diagram(mesh, options).result);
   require_usable(mesh);
   const double floods = knows_surface ? 0.03 : 0, sampled = options.exact_count ? detail::kBeforeExactCount : 1;
   const Execution execution = options.execution.start();
   SamplingOptions inner = options;
-  detail::SamplingSurface surface;
   SamplingResult result;
   result.status = Outcome::kCancelled;
   if (!detail::completes([&] {

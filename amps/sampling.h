@@ -141,6 +141,7 @@ struct SamplingSurface {
   std::vector<Index> tips;       ///< sharp corners whose radii stay, by vertex of the surface, ascending
   bool preserve = false;         ///< radii fall where the dual has not the topology of the surface
   bool may_change = false;  ///< where that does not help, there will be other curves: the number of samples does not matter yet
+  bool result_only = false;  ///< of the run nothing but its result is wanted
 };
 
 /// sample(), and what it ended with (null if it was cancelled): the diagram and, where disks know their surface, these.

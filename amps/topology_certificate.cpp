@@ -504,6 +504,7 @@ class TopologyChecker::CellCheck {
       const RestrictedPowerDiagram::Polygon p = diagram_.polygon(f);
       if (!edges_.counts(p.facet)) continue;
       add_piece(p.facet, p.labels, p.size);
+      if (run_.samples.covered) continue;
       const double reach = diagram_.reach(f);
       if (reach * reach < weight || diagram_.covered(p)) continue;
       if (uncovered == kNone || p.facet < uncovered) uncovered = p.facet;

@@ -82,6 +82,8 @@ struct TopologySamples {
   const std::vector<Index>* curve_of_edge = nullptr;
   /// May the sample own a part of the curve? Needed where there are curves.
   std::function<bool(Index sample, Index curve)> may_own;
+  /// Are all fragments known to be covered by their owners, exactly? Then nobody looks again, a sixth of the time.
+  bool covered = false;
 };
 
 /// Certifies diagrams of one surface. Const once it is made, and thread-safe where each thread has a Scratch of its own.

@@ -299,4 +299,31 @@ TEST_CASE("surface edges: vertices by position, facets without repeated corners,
   }
 }
 
+TEST_CASE("surface edges: the topology of a surface is that of its mesh, welded, without facets that are there already") {
+  std::vector<NamedMesh> meshes = small_meshes();
+  for (const std::uint64_t seed : {1, 2, 3}) meshes.push_back({"random", random_facets(40, 60, seed)});
+  for (const NamedMesh& named : meshes) {
+    CAPTURE(named.name);
+    const Mesh mesh = joined(soup_of(named.mesh), first_facets(named.mesh, rows(named.mesh.triangles) / 2));
+    const amps::detail::SurfaceEdges surface(mesh);
+    std::vector<Index> facets;
+    for (Index f = 0; f < rows(mesh.triangles); ++f) {
+      if (surface.counts(f)) facets.push_back(f);
+    }
+    const amps::TopologyReport wanted = amps::topology(chosen_facets(amps::merge_equal_vertices(mesh), facets));
+    const amps::TopologyReport found =
+        amps::detail::topology_of(surface.triangles(), surface.num_vertices(), surface.edges(), surface.counted());
+    CHECK(found.vertices == wanted.vertices);
+    CHECK(found.edges == wanted.edges);
+    CHECK(found.facets == wanted.facets);
+    CHECK(found.components == wanted.components);
+    CHECK(found.euler_characteristic == wanted.euler_characteristic);
+    CHECK(found.boundary_edges == wanted.boundary_edges);
+    CHECK(found.boundary_loops == wanted.boundary_loops);
+    CHECK(found.non_manifold_edges == wanted.non_manifold_edges);
+    CHECK(found.non_manifold_vertices == wanted.non_manifold_vertices);
+    CHECK(found.inconsistent_edges == wanted.inconsistent_edges);
+  }
+}
+
 }  // namespace amps_test

@@ -2,6 +2,8 @@
 
 #include "kit/meshes.h"
 
+#include "amps/mesh_edges.h"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -292,6 +294,42 @@ TEST_CASE("quality: ratios to the bounds of maximal sets are 1 where these are m
   CHECK_THROWS_AS(ratios_of(grid, {1, 1}), amps::Error);
   CHECK_THROWS_AS(ratios_of(small, {1, 0, 1}), amps::Error);
   CHECK_THROWS_AS(ratios_of(small, {1, 1, std::nan("")}), amps::Error);
+}
+
+TEST_CASE("quality: parts of a mesh have the quality of meshes, to the last bit") {
+  Rng rng(21);
+  for (const NamedMesh& named : small_meshes()) {
+    CAPTURE(named.name);
+    std::vector<Index> proper;  // no index repeated
+    const auto& t = named.mesh.triangles;
+    for (Index f = 0; f < rows(t); ++f) {
+      if (t(f, 0) != t(f, 1) && t(f, 1) != t(f, 2) && t(f, 2) != t(f, 0)) proper.push_back(f);
+    }
+    const Mesh mesh = chosen_facets(named.mesh, proper);
+    std::vector<char> part;
+    std::vector<Index> facets[2];
+    for (Index f = 0; f < rows(mesh.triangles); ++f) {
+      part.push_back(rng.below(3) == 0 ? 0 : 1);
+      facets[part.back() == 0 ? 0 : 1].push_back(f);
+    }
+    const amps::detail::MeshEdges edges(mesh.triangles, rows(mesh.vertices));
+    const amps::detail::QualityOfParts found = amps::detail::quality_of_parts(mesh, edges, part, {});
+    const auto text = [](const QualityReport& q) {
+      std::ostringstream out;
+      out << std::hexfloat;
+      for (const double x : {q.min_angle, q.max_angle, q.mean_min_angle, q.below_30, q.above_90, q.min_edge, q.max_edge,
+                             q.mean_edge, q.min_q, q.mean_q, q.min_area, q.max_area, q.area_ratio, q.valence_5_6_7}) {
+        out << x << ' ';
+      }
+      out << q.triangles << ' ' << q.interior_vertices;
+      for (const Index count : q.angles) out << ' ' << count;
+      for (const Index count : q.valence) out << ' ' << count;
+      return out.str();
+    };
+    CHECK(text(found.all) == text(quality(mesh)));
+    for (const int k : {0, 1}) CHECK(text(found.parts[k]) == text(quality(chosen_facets(mesh, facets[k]))));
+    CHECK(text(amps::detail::quality_of_parts(mesh, edges, {}, {}).all) == text(found.all));
+  }
 }
 
 TEST_CASE("quality: printing tells the numbers and leaves the stream's format alone") {
