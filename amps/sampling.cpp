@@ -80,6 +80,10 @@ constexpr std::uint64_t kDartsPerReport = 1024;
 /// Darts drawn at a time, whatever becomes of the first of them: the voxels they will look at are on their way from memory
 /// meanwhile. A third of the time of a large set.
 constexpr std::size_t kDartsAhead = 16;
+/// On several threads so many are drawn and tested at a time, in pieces, once there were so many darts for each sample.
+constexpr std::size_t kDartsTogether = 4096;
+constexpr std::size_t kDartsPerPiece = 256;
+constexpr std::uint64_t kDartsWorthTogether = 2;
 
 void require_sampling_options(const SamplingOptions& options) {
   require_neighborhood(options.neighborhood, options.conflict_rule);
@@ -108,7 +112,8 @@ void require_fitting_radii(double min, double max, const Box& box) {
 }
 
 /// Refuses radii before any work that would end in memory exhaustion.
-void require_feasible_radii(const MeshView& mesh, const WantedRadii& radii, const Box& box, const SamplingOptions& options) {
+void require_feasible_radii(const MeshView& mesh, double area, const WantedRadii& radii, const Box& box,
+                            const SamplingOptions& options) {
   const double min = radii.min(), max = radii.max();
   if (!(min > 0) || !std::isfinite(max)) {
     throw Error(ErrorCode::kInvalidArgument,
@@ -116,7 +121,7 @@ void require_feasible_radii(const MeshView& mesh, const WantedRadii& radii, cons
   }
   const bool uniform = min == max;
   const std::string what = text_of_radii(min, max);
-  const ForeseenSize size = foresee_size(mesh, radii, options.max_samples);
+  const ForeseenSize size = foresee_size(mesh, area, radii, options.max_samples);
   const auto use = [&](double factor) {
     constexpr double kMargin = 1.01;
     return std::string("; use ") + (uniform ? "a radius of at least " + number_text(min * factor * kMargin)
@@ -144,6 +149,13 @@ void require_feasible_radii(const MeshView& mesh, const WantedRadii& radii, cons
                                                  ": doubles are " + number_text(resolution) +
                                                  " apart there, too much for disks; move the mesh to the origin");
   }
+}
+
+/// Of facets, where one radius is wanted, or would be once the field is scaled and rounded; else nobody needs them.
+FacetAreas areas_for_darts(const MeshView& mesh, const SizingField& sizing) {
+  constexpr double kNoField = 1 + 1e-9;
+  const bool one_radius = sizing.empty() || sizing.max_radius() < kNoField * sizing.min_radius();
+  return one_radius ? FacetAreas(mesh) : FacetAreas();
 }
 
 /// Which of radius, sizing and target_count are given, and whether the field is this mesh's.
@@ -200,13 +212,7 @@ struct SamplingTask {
     }
     set.reorder(order, execution.part(0.5, 0.65));
     disks->clear(box, radii.min_of_set(), radii.max_of_set());
-    constexpr std::size_t kSamplesPerPiece = 8192;
-    for_each_piece(slot(set.size()), kSamplesPerPiece, execution.part(0.65, 1), [&](std::size_t begin, std::size_t end) {
-      for (std::size_t s = begin; s < end; ++s) {
-        const auto id = static_cast<Index>(s);
-        disks->insert(set[id], id);
-      }
-    });
+    disks->insert_all(set, execution.part(0.65, 1));
     report.seconds_darts += watch.lap();
   }
 
@@ -229,25 +235,69 @@ double expected_darts(double samples, int max_rejections) {
   return samples * std::max(1.0, per_sample);
 }
 
-void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected, const Execution& execution) {
-  struct Thrown {
-    Sample dart;
-    Rng after;  ///< the generator once this dart was drawn
-  };
-  Rng rng = task.rng;
-  std::vector<Thrown> thrown(kDartsAhead, Thrown{{}, rng});
-  for (int rejections = 0;;) {
-    for (Thrown& next : thrown) {
-      next = {darts.draw(rng), rng};
-      task.disks->grid().prefetch_voxel(next.dart.position(), next.dart.radius);
+struct ThrownDart {
+  Sample sample;
+  Rng after;  ///< the generator once this dart was drawn
+  bool conflicts = false;
+};
+
+bool conflicts_with_set(const SamplingTask& task, const Sample& dart) {
+  return task.disks->grid().conflicting_sample(dart.position(), dart.radius, task.radii.rule()) != kNone;
+}
+
+/// Draws the next darts, and tests them against the samples that are there by now.
+void throw_together(const SamplingTask& task, const SurfaceDarts& darts, Rng& rng, std::vector<ThrownDart>& thrown,
+                    const Execution& execution) {
+  const VoxelGrid& grid = task.disks->grid();
+  const int draws = darts.draws_per_dart();
+  std::vector<Rng> at_begin_of_piece;
+  for (std::size_t k = 0; k < thrown.size(); ++k) {
+    if (draws == 0) {
+      thrown[k] = {darts.draw(rng), rng};
+      continue;
     }
-    for (const Thrown& next : thrown) task.disks->grid().prefetch_samples(next.dart.position(), next.dart.radius);
-    for (const Thrown& next : thrown) {
-      if (task.disks->grid().conflicting_sample(next.dart.position(), next.dart.radius, task.radii.rule()) != kNone) {
+    if (k % kDartsPerPiece == 0) at_begin_of_piece.push_back(rng);
+    for (int i = 0; i < draws; ++i) rng.next();
+  }
+  parallel_for(thrown.size(), kDartsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
+    Rng own = draws > 0 ? at_begin_of_piece[begin / kDartsPerPiece] : rng;
+    for (std::size_t first = begin; first < end; first += kDartsAhead) {
+      const std::size_t last = std::min(end, first + kDartsAhead);
+      for (std::size_t k = first; k < last; ++k) {
+        if (draws > 0) thrown[k] = {darts.draw(own), own};
+        grid.prefetch_voxel(thrown[k].sample.position(), thrown[k].sample.radius);
+      }
+      for (std::size_t k = first; k < last; ++k) grid.prefetch_samples(thrown[k].sample.position(), thrown[k].sample.radius);
+      for (std::size_t k = first; k < last; ++k) thrown[k].conflicts = conflicts_with_set(task, thrown[k].sample);
+    }
+  });
+}
+
+/// Throws darts until enough in a row are rejected. On several threads the same, since which darts become samples is decided
+/// one after another: those together that conflict with a sample that was there before are known, and there are few others.
+void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected, const Execution& execution) {
+  const VoxelGrid& grid = task.disks->grid();
+  Rng rng = task.rng;
+  std::vector<ThrownDart> thrown(kDartsAhead, ThrownDart{{}, rng});
+  bool together = false;
+  for (int rejections = 0;;) {
+    if (together) {
+      throw_together(task, darts, rng, thrown, execution);
+    } else {
+      for (ThrownDart& next : thrown) {
+        next = {darts.draw(rng), rng};
+        grid.prefetch_voxel(next.sample.position(), next.sample.radius);
+      }
+      for (const ThrownDart& next : thrown) grid.prefetch_samples(next.sample.position(), next.sample.radius);
+    }
+    const Index before = task.set.size();
+    for (const ThrownDart& next : thrown) {
+      const bool known = together && (next.conflicts || task.set.size() == before);
+      if (known ? next.conflicts : conflicts_with_set(task, next.sample)) {
         ++rejections;
       } else {
         rejections = 0;
-        task.add_dart(next.dart);
+        task.add_dart(next.sample);
       }
       const bool goes_on = ++task.report.darts % kDartsPerReport != 0 || completes([&] {
         execution.report(std::min(1.0, static_cast<double>(task.report.darts) / expected));
@@ -258,13 +308,17 @@ void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected, c
         return;
       }
     }
+    if (together || execution.workers() == 1) continue;
+    const std::uint64_t samples = slot(task.set.size());
+    together = samples > kDartsTogether && task.report.darts > kDartsWorthTogether * samples;
+    if (together) thrown.resize(kDartsTogether, thrown.front());
   }
 }
 
 /// `density` is ∫dA/r².
-void run_darts(SamplingTask& task, double density, const Execution& execution) {
+void run_darts(SamplingTask& task, const FacetAreas& areas, double density, const Execution& execution) {
   Stopwatch watch;
-  const SurfaceDarts darts(task.mesh, task.radii, execution.part(0, 0.02));
+  const SurfaceDarts darts(task.mesh, areas.of_facets, task.radii, execution.part(0, 0.02));
   const double expected = expected_darts(kSamplesPerDensity * density, task.options.max_rejections);
   throw_all(task, darts, expected, execution.part(0.02, 1));
   task.report.dart_samples = task.set.size() - task.num_fixed;
@@ -380,6 +434,7 @@ BoundedRadii bounded_radii(const WantedRadii& radii, const std::vector<RadiusCap
 struct SamplingRound {
   const WantedRadii& radii;
   const SamplingSurface& surface;
+  const FacetAreas& areas;
   const Box& box;
   std::uint64_t seed;
   const std::vector<RadiusCap>& limits;  ///< bounds of radii, beside `radii`
@@ -390,7 +445,7 @@ struct SamplingRound {
 SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, const SamplingRound& round,
                       const Execution& execution) {
   const SamplingSurface& surface = round.surface;
-  const double density = round.radii.density_integral(total_area(mesh));
+  const double density = round.radii.density_integral(round.areas.total);
   std::shared_ptr<CurveSamples> curves;
   const double curves_end = has_curves(surface) ? 0.05 : 0;
   if (curves_end > 0) {
@@ -440,7 +495,7 @@ SamplingRun run_round(const MeshView& mesh, const SamplingOptions& options, cons
     if (round.kept != nullptr) add_kept(task, *round.kept, filling.part(0, sort_end, "throwing darts"));
     // Of samples that are all too large, none is kept; and a diagram has at least one site.
     if (round.kept == nullptr || task.set.size() == 0) {
-      run_darts(task, density, filling.part(0, darts_end, "throwing darts"));
+      run_darts(task, round.areas, density, filling.part(0, darts_end, "throwing darts"));
       if (task.status == Outcome::kDone) task.sort_along_curve(round.box, filling.part(darts_end, sort_end, "throwing darts"));
     }
     if (task.status == Outcome::kDone) diagram = run_gap_filling(task, filling.part(sort_end, 1));
@@ -553,8 +608,8 @@ class TopologyRefiner {
   void start_anew(const Execution& execution) {
     const SamplingReport before = run_.result.report;
     const std::vector<FaceSample> kept = set_->on_faces();
-    SamplingRun next =
-        run_round(mesh_, options_, {first_.radii, first_.surface, first_.box, first_.seed, caps_.caps(), &kept}, execution);
+    SamplingRun next = run_round(
+        mesh_, options_, {first_.radii, first_.surface, first_.areas, first_.box, first_.seed, caps_.caps(), &kept}, execution);
     add_up(next.result.report, before);
     next.result.report.darts = before.darts;
     next.result.report.refinements = before.refinements;
@@ -594,12 +649,12 @@ class TopologyRefiner {
 
 /// One run: a round, and further ones with smaller radii where the topology is not that of the surface.
 SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const WantedRadii& radii,
-                     const SamplingSurface& surface, std::uint64_t seed, const Execution& execution) {
+                     const SamplingSurface& surface, const FacetAreas& areas, std::uint64_t seed, const Execution& execution) {
   const Box box = bounding_box(mesh);
-  require_feasible_radii(mesh, radii, box, options);
+  require_feasible_radii(mesh, areas.total, radii, box, options);
   constexpr double kRefinementShare = 0.1;
   const double refining = surface.preserve ? 1 - kRefinementShare : 1;
-  const SamplingRound round{radii, surface, box, seed, surface.limits, surface.kept.empty() ? nullptr : &surface.kept};
+  const SamplingRound round{radii, surface, areas, box, seed, surface.limits, surface.kept.empty() ? nullptr : &surface.kept};
   SamplingRun run;
   run.result.report.seed = seed;
   if (!completes([&] { run = run_round(mesh, options, round, execution.part(0, refining)); })) {
@@ -643,8 +698,9 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   require_sampling_options(options);
   require_one_sizing(mesh, options);
   const bool by_field = !options.sizing.empty();
+  const FacetAreas areas = areas_for_darts(mesh, options.sizing);
   if (options.target_count == 0) {
-    SamplingRun run = run_once(mesh, options, wanted_radii(options), surface, options.seed, execution);
+    SamplingRun run = run_once(mesh, options, wanted_radii(options), surface, areas, options.seed, execution);
     if (run.result.status == Outcome::kDone) execution.finish();
     return run;
   }
@@ -654,8 +710,8 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   best.result.report.seed = options.seed;
   std::unique_ptr<CountModel> model;
   if (!completes([&] {
-        model =
-            std::make_unique<CountModel>(mesh, options.sizing, options.target_count, execution.part(0, 0.02, "throwing darts"));
+        model = std::make_unique<CountModel>(mesh, areas.total, options.sizing, options.target_count,
+                                             execution.part(0, 0.02, "throwing darts"));
       })) {
     return best;
   }
@@ -674,7 +730,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     const std::uint64_t seed = options.seed + static_cast<std::uint64_t>(attempt - 1) * kSeedStride;
     SamplingRun run;
     const bool begun =
-        completes([&] { run = run_once(mesh, options, radii, surface, seed, part_of_attempt(execution, attempt)); });
+        completes([&] { run = run_once(mesh, options, radii, surface, areas, seed, part_of_attempt(execution, attempt)); });
     if (begun && by_field) run.result.report.sizing_scale = scale;
     total.attempts = attempt;
     add_up(total, run.result.report);
@@ -772,10 +828,11 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
   detail::require_one_sizing(mesh, options);
   const detail::WantedRadii radii = detail::wanted_radii(options);
   const Box box = bounding_box(mesh);
-  detail::require_feasible_radii(mesh, radii, box, options);
-  const double density = radii.density_integral(total_area(mesh));
+  const detail::FacetAreas areas = detail::areas_for_darts(mesh, options.sizing);
+  detail::require_feasible_radii(mesh, areas.total, radii, box, options);
+  const double density = radii.density_integral(areas.total);
   detail::SamplingTask task(mesh, options, radii, box, nullptr, options.seed);
-  if (!detail::completes([&] { detail::run_darts(task, density, execution); })) task.status = Outcome::kCancelled;
+  if (!detail::completes([&] { detail::run_darts(task, areas, density, execution); })) task.status = Outcome::kCancelled;
   if (task.status == Outcome::kDone) execution.finish();
   return std::move(detail::finish_run(task, nullptr).result);
 }
@@ -810,7 +867,7 @@ SamplingResult fill_gaps(const MeshView& mesh, const SampleSet& existing, const 
     box.min = box.min.cwiseMin(existing.positions.row(s).transpose());
     box.max = box.max.cwiseMax(existing.positions.row(s).transpose());
   }
-  detail::require_feasible_radii(mesh, radii, box, options);
+  detail::require_feasible_radii(mesh, total_area(mesh), radii, box, options);
   if (!radii.uniform()) detail::require_fitting_radii(radii.min_of_set(), radii.max_of_set(), box);
   detail::SamplingTask task(mesh, options, radii, box, nullptr, options.seed);
   task.set.add_all(existing);
