@@ -47,6 +47,9 @@ class CountModel {
   /// The factor on the radii that makes the wanted number.
   double scale() const;
 
+  /// The count that scale() would lead to, for reasons that the model does not know; before any run.
+  void expect(double count) { factor_ *= count / target_; }
+
   /// The count that scale() has led to. Far off, it is believed as it is: the factor varies with the scale. Near, it scatters
   /// (by about 0.3/√n), and the factor is the mean.
   void learn(Index count);
