@@ -119,6 +119,11 @@ MeasuredLengths measure_lengths(const MeshView& mesh, const SizingField& field, 
 }  // namespace
 
 ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, double most_samples, const Execution& execution) {
+  return foresee_size(mesh, total_area(mesh), radii, most_samples, execution);
+}
+
+ForeseenSize foresee_size(const MeshView& mesh, double area, const WantedRadii& radii, double most_samples,
+                          const Execution& execution) {
   double longest = 0, perimeters = 0;
   const bool constant = radii.constant();
   Ticker ticker(execution, slot(mesh.num_facets()), kElementsPerLook);
@@ -133,7 +138,7 @@ ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, double
   }
   if (constant) perimeters /= radii.min();
   const double max = radii.max();
-  ForeseenSize size{kSamplesPerDensity * radii.density_integral(total_area(mesh)), longest / (2 * max),
+  ForeseenSize size{kSamplesPerDensity * radii.density_integral(area), longest / (2 * max),
                     kCrossingsPerPerimeter * perimeters};
   // The extent of a component is at most half of the perimeters of its facets.
   if (kSamplesPerLength * perimeters / 2 < most_samples) return size;
@@ -147,8 +152,8 @@ ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, double
   return size;
 }
 
-CountModel::CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution)
-    : target_(target), inner_(kSamplesPerDensity * (field.empty() ? total_area(mesh) : field.density_integral())) {
+CountModel::CountModel(const MeshView& mesh, double area, const SizingField& field, Index target, const Execution& execution)
+    : target_(target), inner_(kSamplesPerDensity * (field.empty() ? area : field.density_integral())) {
   const MeasuredLengths lengths = measure_lengths(mesh, field, execution.part(0, 0.5));
   border_ = std::min(kSamplesPerBoundary * lengths.boundary, kMaxPartAtBoundary * std::sqrt(target_ * inner_));
   if (!field.empty()) border_ -= kLostToGradient * kSamplesPerDensity * gradient_integral(mesh, field, execution.part(0.5, 1));

@@ -23,6 +23,9 @@ struct ForeseenSize {
 /// expected_fragments(), which is of equilateral facets; of needles the last term is nearly all. In a field r is the mean of
 /// 1/r at a facet's corners; for lengths the greatest. O(#V + #F) expected; caps do not count.
 ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, double most_samples, const Execution& execution = {});
+/// The same on a surface whose area is known.
+ForeseenSize foresee_size(const MeshView& mesh, double area, const WantedRadii& radii, double most_samples,
+                          const Execution& execution = {});
 
 /// How many samples a scale s of the radii makes: factor·(κ∫dA/r²/s² + (β∫ds/r − κγ∫|∇r|dA/r²)/s), the second integral along
 /// the boundary, the third over the surface again. What else matters, above all creases and features finer than the radii, the
@@ -36,10 +39,16 @@ class CountModel {
  public:
   /// For a field, or radius 1 everywhere if it is empty. target ≥ 1. O(#V + #F + #pieces). Cancelled, it throws
   /// Error(kCancelled).
-  CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution = {});
+  CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution = {})
+      : CountModel(mesh, field.empty() ? total_area(mesh) : 0, field, target, execution) {}
+  /// The same on a surface whose area is known; with a field it does not matter.
+  CountModel(const MeshView& mesh, double area, const SizingField& field, Index target, const Execution& execution = {});
 
   /// The factor on the radii that makes the wanted number.
   double scale() const;
+
+  /// The count that scale() would lead to, for reasons that the model does not know; before any run.
+  void expect(double count) { factor_ *= count / target_; }
 
   /// The count that scale() has led to. Far off, it is believed as it is: the factor varies with the scale. Near, it scatters
   /// (by about 0.3/√n), and the factor is the mean.

@@ -160,8 +160,7 @@ Vec3 density_barycentric(const std::array<double, 3>& radii, Rng& rng) {
 
 namespace {
 
-std::vector<double> dart_weights(const MeshView& mesh, const WantedRadii& radii, const Execution& execution) {
-  if (radii.constant()) return facet_areas(mesh, execution);
+std::vector<double> dart_weights(const WantedRadii& radii, const Execution& execution) {
   std::vector<double> result(radii.field().num_pieces());
   for_each_piece(result.size(), kElementsPerLook, execution, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) result[i] = radii.field().density_integral(i);
@@ -169,15 +168,22 @@ std::vector<double> dart_weights(const MeshView& mesh, const WantedRadii& radii,
   return result;
 }
 
-AliasTable dart_table(const MeshView& mesh, const WantedRadii& radii, const Execution& execution) {
-  const std::vector<double> weights = dart_weights(mesh, radii, execution.part(0, 0.5));
+AliasTable dart_table(const std::vector<double>& areas, const WantedRadii& radii, const Execution& execution) {
+  if (radii.constant()) return AliasTable(areas, execution);
+  const std::vector<double> weights = dart_weights(radii, execution.part(0, 0.5));
   return AliasTable(weights, execution.part(0.5, 1));
 }
 
 }  // namespace
 
-SurfaceDarts::SurfaceDarts(const MeshView& mesh, const WantedRadii& radii, const Execution& execution)
-    : mesh_(mesh), radii_(radii), table_(dart_table(mesh, radii, execution)) {}
+SurfaceDarts::SurfaceDarts(const MeshView& mesh, const std::vector<double>& areas, const WantedRadii& radii,
+                           const Execution& execution)
+    : mesh_(mesh), radii_(radii), table_(dart_table(areas, radii, execution)) {}
+
+int SurfaceDarts::draws_per_dart() const {
+  constexpr int kOfTable = 2, kOfTriangle = 2;
+  return radii_.constant() ? kOfTable + kOfTriangle : 0;
+}
 
 Sample SurfaceDarts::draw(Rng& rng) const {
   const Index drawn = table_.pick(rng);

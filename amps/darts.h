@@ -38,9 +38,13 @@ Vec3 density_barycentric(const std::array<double, 3>& radii, Rng& rng);
 /// Samples to be, independent of each other: points of density exactly ∝ 1/r², with the radius wanted there.
 class SurfaceDarts {
  public:
-  /// Both must outlive it. O(#F), or the pieces of the field. Cancelled, it throws Error(kCancelled).
-  SurfaceDarts(const MeshView& mesh, const WantedRadii& radii, const Execution& execution = {});
+  /// `areas`: of the facets. Mesh and radii must outlive it. O(#F), or the pieces of the field. Cancelled, it throws
+  /// Error(kCancelled).
+  SurfaceDarts(const MeshView& mesh, const std::vector<double>& areas, const WantedRadii& radii,
+               const Execution& execution = {});
   Sample draw(Rng& rng) const;
+  /// How often each dart draws from the generator; 0: that varies.
+  int draws_per_dart() const;
 
  private:
   const MeshView& mesh_;

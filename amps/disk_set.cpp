@@ -6,9 +6,47 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <utility>
 
 namespace amps::detail {
+namespace {
+
+/// Memory of floods for pieces of a parallel loop: as many as work at the same time.
+class ScratchPool {
+ public:
+  class Loan {
+   public:
+    explicit Loan(ScratchPool& pool) : pool_(pool) {
+      const std::lock_guard<std::mutex> lock(pool_.mutex_);
+      if (pool_.free_.empty()) {
+        pool_.free_.reserve(++pool_.num_lent_);  // so that giving back does not throw
+        scratch_ = std::make_unique<SurfaceFlood::Scratch>();
+      } else {
+        scratch_ = std::move(pool_.free_.back());
+        pool_.free_.pop_back();
+      }
+    }
+    ~Loan() {
+      const std::lock_guard<std::mutex> lock(pool_.mutex_);
+      pool_.free_.push_back(std::move(scratch_));
+    }
+    Loan(const Loan&) = delete;
+    Loan& operator=(const Loan&) = delete;
+    SurfaceFlood::Scratch& operator*() const { return *scratch_; }
+
+   private:
+    ScratchPool& pool_;
+    std::unique_ptr<SurfaceFlood::Scratch> scratch_;
+  };
+
+ private:
+  std::mutex mutex_;
+  std::size_t num_lent_ = 0;  ///< at the same time, at most
+  std::vector<std::unique_ptr<SurfaceFlood::Scratch>> free_;
+};
+
+}  // namespace
 
 DiskSet::DiskSet(const Box& box, double min_radius, double max_radius, std::shared_ptr<const SurfaceFlood> flood)
     : grid_(box, min_radius, max_radius),
@@ -143,7 +181,8 @@ void DiskSet::widen_grid(double radius) {
   }
 }
 
-void DiskSet::insert(const Sample& sample, Index id) {
+/// All of a sample but its reach.
+void DiskSet::store(const Sample& sample, Index id) {
   if (knows_surface()) {
     const bool equal = min_radius_ == max_radius_, fits = min_radius_ <= sample.radius && sample.radius <= max_radius_;
     if (equal ? sample.radius * sample.radius != min_radius_ * min_radius_ : !fits) widen_grid(sample.radius);
@@ -153,13 +192,59 @@ void DiskSet::insert(const Sample& sample, Index id) {
     }
     samples_[slot(id)] = sample;
     stored_[slot(id)] = 1;
-    if (!lists_->has(id)) {
-      flood_from(sample.at, sample.radius);
-      lists_->add(id, flooded_);
-    }
   }
   grid_.insert(sample.position(), sample.radius, id);
   ++num_samples_;
+}
+
+void DiskSet::insert(const Sample& sample, Index id) {
+  store(sample, id);
+  if (!knows_surface() || lists_->has(id)) return;
+  flood_from(sample.at, sample.radius);
+  lists_->add(id, flooded_);
+}
+
+void DiskSet::insert_all(const GrowingSet& set, const Execution& execution) {
+  constexpr std::size_t kSamplesPerPiece = 1024;
+  const std::size_t n = slot(set.size());
+  if (!knows_surface() || execution.workers() == 1) {
+    for_each_piece(n, kSamplesPerPiece, execution, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t s = begin; s < end; ++s) insert(set[static_cast<Index>(s)], static_cast<Index>(s));
+    });
+    return;
+  }
+  /// What the samples of a piece reach, one after another.
+  struct Reached {
+    std::vector<Index> facets;
+    std::vector<std::size_t> end;
+  };
+  // Not of all samples at once: what they reach is kept a second time meanwhile.
+  const std::size_t pieces_at_a_time = 8 * slot(static_cast<Index>(execution.workers()));
+  std::vector<Reached> reached(pieces_at_a_time);
+  ScratchPool scratches;
+  for_each_piece(n, kSamplesPerPiece * pieces_at_a_time, execution, [&](std::size_t first, std::size_t last) {
+    parallel_for(last - first, kSamplesPerPiece, execution, [&](std::size_t begin, std::size_t end) {
+      const ScratchPool::Loan scratch(scratches);
+      Reached& piece = reached[begin / kSamplesPerPiece];
+      piece.facets.clear();
+      piece.end.clear();
+      std::vector<Index> facets;
+      for (std::size_t s = first + begin; s < first + end; ++s) {
+        const Sample sample = set[static_cast<Index>(s)];
+        flood_->flood(sample.position(), sample.radius * sample.radius, flood_->homes(sample.at), *scratch, facets);
+        piece.facets.insert(piece.facets.end(), facets.begin(), facets.end());
+        piece.end.push_back(piece.facets.size());
+      }
+    });
+    for (std::size_t s = first; s < last; ++s) {
+      const Reached& piece = reached[(s - first) / kSamplesPerPiece];
+      const std::size_t k = (s - first) % kSamplesPerPiece;
+      const auto at = [&](std::size_t i) { return piece.facets.begin() + static_cast<std::ptrdiff_t>(i); };
+      flooded_.assign(at(k == 0 ? 0 : piece.end[k - 1]), at(piece.end[k]));
+      store(set[static_cast<Index>(s)], static_cast<Index>(s));
+      lists_->add(static_cast<Index>(s), flooded_);
+    }
+  });
 }
 
 void DiskSet::remove(const Sample& sample, Index id) {

@@ -57,6 +57,8 @@ class DiskSet {
   /// Stores a sample, whether or not it conflicts with others. Its id is new, or that of one that was removed: then it must be
   /// the same sample, or its reach forgotten.
   void insert(const Sample& sample, Index id);
+  /// insert() of all samples of a set, ids being rows; floods on all threads. Cancelled, it throws Error(kCancelled).
+  void insert_all(const GrowingSet& set, const Execution& execution);
   /// Stores a sample whose reach nobody will ask for, until clear().
   void insert_ball(const Sample& sample, Index id) { grid_.insert(sample.position(), sample.radius, id); }
   /// It counts no more; but what it reaches stays known, for the diagram, until forget_reach().
@@ -68,6 +70,7 @@ class DiskSet {
 
  private:
   bool holds(Index id, const SurfacePoint& x) const;
+  void store(const Sample& sample, Index id);
   void flood_from(const SurfacePoint& x, double radius) const;
   bool flood_has(Index id) const;
   void widen_grid(double radius);

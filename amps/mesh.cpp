@@ -264,10 +264,12 @@ std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution
   return areas;
 }
 
-double total_area(const MeshView& mesh, const Execution& execution) {
+double total_area(const MeshView& mesh, const Execution& execution) { return detail::FacetAreas(mesh, execution).total; }
+
+detail::FacetAreas::FacetAreas(const MeshView& mesh, const Execution& execution) : of_facets(facet_areas(mesh, execution)) {
   CompensatedSum sum;
-  for (const double area : facet_areas(mesh, execution)) sum.add(area);
-  return sum.value();
+  for (const double area : of_facets) sum.add(area);
+  total = sum.value();
 }
 
 Points facet_normals(const MeshView& mesh, const Execution& execution) {

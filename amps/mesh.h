@@ -69,6 +69,19 @@ AMPS_EXPORT Index find_wild_vertex(const MeshView& mesh, const Execution& execut
 AMPS_EXPORT std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution = {});
 AMPS_EXPORT double total_area(const MeshView& mesh, const Execution& execution = {});
 
+namespace detail {
+
+/// facet_areas() and their total_area(), for those who need both.
+struct FacetAreas {
+  std::vector<double> of_facets;
+  double total = 0;
+
+  FacetAreas() = default;
+  explicit FacetAreas(const MeshView& mesh, const Execution& execution = {});
+};
+
+}  // namespace detail
+
 /// #F by 3 unit normals by the right-hand rule; zero rows for degenerate facets.
 AMPS_EXPORT Points facet_normals(const MeshView& mesh, const Execution& execution = {});
 

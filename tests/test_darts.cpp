@@ -1,5 +1,8 @@
 #include "amps/darts.h"
 
+#include "amps/shapes.h"
+#include "amps/sizing.h"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -110,6 +113,26 @@ TEST_CASE("darts: points of a triangle have density 1/r², from equal radii to 1
       CHECK(chi2 < freedom + 4 * std::sqrt(2 * freedom));
     }
   }
+}
+
+TEST_CASE("darts: where one radius is wanted, each takes as many random numbers as it says") {
+  const amps::Mesh torus = amps::make_torus();
+  const amps::MeshView mesh(torus);
+  const std::vector<double> areas = amps::facet_areas(mesh);
+  const amps::detail::WantedRadii equal(0.1, amps::ConflictRule::kMax);
+  const amps::detail::SurfaceDarts darts(mesh, areas, equal);
+  REQUIRE(darts.draws_per_dart() > 0);
+  Rng drawn(7), counted(7);
+  for (int k = 0; k < 1000; ++k) {
+    darts.draw(drawn);
+    for (int i = 0; i < darts.draws_per_dart(); ++i) counted.next();
+    REQUIRE(Rng(drawn).next() == Rng(counted).next());
+  }
+  std::vector<double> radii(static_cast<std::size_t>(mesh.num_vertices()), 0.1);
+  radii[0] = 0.2;
+  const amps::SizingField field = amps::vertex_sizing(mesh, radii);
+  const amps::detail::WantedRadii graded(field, amps::ConflictRule::kMax);
+  CHECK(amps::detail::SurfaceDarts(mesh, {}, graded).draws_per_dart() == 0);
 }
 
 TEST_CASE("darts: three different radii, by moments") {

@@ -113,6 +113,42 @@ TEST_CASE("disks that know their surface: what they hold and exclude is what flo
   CHECK(unlike_balls > 100);
 }
 
+TEST_CASE("disks that know their surface: sets that are stored at once are those that are stored one by one, on any threads") {
+  Rng rng(9);
+  for (const Mesh& mesh : {plate(12, 0.02), amps::make_torus(1, 0.2, 48, 16)}) {
+    const amps::Box box = amps::bounding_box(mesh);
+    const double min = 0.02 * box.diagonal(), max = 2 * min;
+    amps::detail::GrowingSet set;
+    for (Index s = 0; s < 5000; ++s) set.add({random_surface_point(mesh, rng), between(rng, min, max)});
+    const auto flood = std::make_shared<const SurfaceFlood>(mesh, SurfaceEdges(mesh));
+    DiskSet single(box, min, max, flood);
+    for (Index s = 0; s < set.size(); ++s) single.insert(set[s], s);
+    for (const unsigned threads : {1u, 2u, 4u}) {
+      CAPTURE(threads);
+      DiskSet together(box, min, max, flood);
+      together.insert_all(set, amps::Execution(threads).start());
+      CHECK(together.has_samples());
+      bool same = true;
+      for (Index s = 0; s < set.size(); ++s) {
+        const auto a = single.reach_lists()->facets(s), b = together.reach_lists()->facets(s);
+        same = same && a.size() > 0 && std::equal(a.begin(), a.end(), b.begin(), b.end());
+        same = same && together.sample(s).position() == set.position(s);
+      }
+      CHECK(same);
+      const auto samples_at = [](const DiskSet& disks, Index facet) {
+        std::vector<Index> samples;
+        disks.reach_lists()->for_each_sample(facet, [&](Index s) { samples.push_back(s); });
+        return samples;
+      };
+      for (Index f = 0; f < rows(mesh.triangles); ++f) REQUIRE(samples_at(single, f) == samples_at(together, f));
+      for (int k = 0; k < 200; ++k) {
+        const SurfacePoint x = random_surface_point(mesh, rng);
+        REQUIRE(single.covering_sample(x) == together.covering_sample(x));
+      }
+    }
+  }
+}
+
 TEST_CASE("sampling over a surface: every point lies in a disk that is joined to it, and no sample in the disk of another") {
   std::uint64_t seed = 1;
   Index more_than_balls = 0;

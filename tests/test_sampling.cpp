@@ -116,6 +116,37 @@ TEST_CASE("sampling: same seed same bits, for any number of threads; another see
   CHECK(same_set(amps::sample(mesh, with_count(700, 9)).samples, amps::sample(mesh, with_count(700, 9)).samples));
 }
 
+TEST_CASE("sampling: sets large enough for darts and floods on several threads have the same bits on each number of them") {
+  const Mesh mesh = amps::make_torus(1, 0.4, 96, 48);
+  const amps::SizingField graded = amps::vertex_sizing(mesh, [&mesh] {
+    std::vector<double> radii;
+    for (Index v = 0; v < rows(mesh.vertices); ++v) radii.push_back(0.03 + 0.01 * mesh.vertices(v, 0));
+    return radii;
+  }());
+  for (const bool by_field : {false, true}) {
+    for (const amps::Neighborhood neighborhood : {amps::Neighborhood::kSpace, amps::Neighborhood::kSurface}) {
+      CAPTURE(by_field);
+      CAPTURE(static_cast<int>(neighborhood));
+      SamplingOptions options;
+      if (by_field) {
+        options.sizing = graded;
+      } else {
+        options.radius = 0.026;
+      }
+      options.neighborhood = neighborhood;
+      options.seed = 5;
+      const SamplingResult one = amps::sample(mesh, options);
+      CHECK(one.report.dart_samples > 6000);
+      for (const unsigned threads : {2u, 3u}) {
+        run_on(options, threads);
+        const SamplingResult several = amps::sample(mesh, options);
+        CHECK(same_set(one.samples, several.samples));
+        CHECK(several.report.darts == one.report.darts);
+      }
+    }
+  }
+}
+
 TEST_CASE("sampling: target_count is met within 1 %") {
   for (const Index count : {50, 200, 1000, 5000}) {
     CAPTURE(count);
