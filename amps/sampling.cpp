@@ -968,6 +968,9 @@ SamplingResult sampled_at(const MeshScale& scale, const MeshView& mesh, const Sa
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
   if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, sample);
   const bool knows_surface = options.neighborhood == Neighborhood::kSurface;
+  detail::SamplingSurface surface;
+  surface.result_only = !options.exact_count;
+  if (!knows_surface && surface.result_only) return std::move(detail::sample_with_diagram(mesh, options, surface).result);
   require_usable(mesh);
   const double floods = knows_surface ? 0.03 : 0, sampled = options.exact_count ? detail::kBeforeExactCount : 1;
   const Execution execution = options.execution.start();
