@@ -100,7 +100,7 @@ void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around
 }
 
 void RestrictedPowerDiagram::finish_edit() {
-  if (4 * pool_garbage_ > 3 * corners_.size()) compact_pools();
+  if (4 * polygons_.unused() > 3 * polygons_.capacity()) compact_polygons();
   // A slot freed and used again is listed twice.
   std::sort(changed_.begin(), changed_.end());
   changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
@@ -155,9 +155,10 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
 /// For the polygon of a fragment, and the corners' indices of its facet.
 void RestrictedPowerDiagram::prefetch_polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  detail::prefetch(&corners_[slot(fragment.first)]);
-  detail::prefetch(&corners_[slot(fragment.first + fragment.size - 1)]);
-  detail::prefetch(&labels_[slot(fragment.first)]);
+  const Vec3* const corners = polygons_.corners(fragment.room);
+  detail::prefetch(corners);
+  detail::prefetch(corners + fragment.size - 1);
+  detail::prefetch(polygons_.labels(fragment.room));
   detail::prefetch(mesh_.triangles.address(fragment.facet));
   detail::prefetch(&facet_error_[slot(fragment.facet)]);
 }
