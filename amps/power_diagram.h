@@ -221,6 +221,8 @@ class RestrictedPowerDiagram {
   PlaneTable all_planes(const Execution& execution) const;
   std::vector<Index> corner_owners(const PlaneTable& planes, const Execution& execution) const;
   Index owner_from(Index near, const Vec3& position, const PlaneTable& planes) const;
+  void prefetch_planes(const PlaneTable& planes, Index s) const;
+  void prefetch_sites(const PlaneTable& planes, Index s) const;
   void clip_facets(std::size_t begin, std::size_t end, const std::vector<Index>& owner, const PlaneTable& planes,
                    FloodScratch& scratch, Batch& batch) const;
   void flood_facet(Index facet, Index owner, const PlaneTable& planes, FloodScratch& scratch, Batch& batch) const;

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -85,11 +86,13 @@ class SideFilter {
   double weights_, gradient_, weight_error_;
 };
 
-/// Order of a site's planes; ties by site, so that nothing depends on the sort.
-template <class Plane>
-bool nearer_plane(const Plane& a, const Plane& b) noexcept {
-  return a.offset != b.offset ? a.offset < b.offset : a.site < b.site;
-}
+/// Order of a site's planes; ties by site, so that nothing depends on the sort. A type, which sorting compiles in.
+struct NearerPlane {
+  template <class Plane>
+  bool operator()(const Plane& a, const Plane& b) const noexcept {
+    return a.offset != b.offset ? a.offset < b.offset : a.site < b.site;
+  }
+};
 
 }  // namespace detail
 
@@ -106,8 +109,12 @@ class RestrictedPowerDiagram::Clipper {
   Clipper(const Clipper&) = delete;
   Clipper& operator=(const Clipper&) = delete;
 
+  /// For bulk work, while no site changes: two or three fragments of a facet have a corner, one after the other.
+  void remember_crossings() { known_.resize(kCrossingsKnown, Crossing{kNone, 0, 0, 0, Vec3::Zero()}); }
+
   void set_facet(Index facet) {
     const MeshView& mesh = diagram_.mesh_;
+    facet_ = facet;
     for (int c = 0; c < 3; ++c) {
       vertex_[detail::slot(c)] = mesh.triangles(facet, c);
       position_[c] = mesh.vertices[vertex_[detail::slot(c)]];
@@ -239,9 +246,20 @@ class RestrictedPowerDiagram::Clipper {
     }
   };
 
+  /// Of two bisectors, or one and a mesh edge, on a facet.
+  struct Crossing {
+    Index facet;
+    Index a, b, c;  ///< the sites and the edge's label, ascending
+    Vec3 position;
+  };
+  /// A facet's fragments are found next to each other: those of the last 20 or so.
+  static constexpr int kCrossingBits = 6;
+  static constexpr std::size_t kCrossingsKnown = std::size_t{1} << kCrossingBits;
+
   const Vec3& corner(int c) const { return position_[c]; }
 
   void set_owner(Index site) {
+    owner_site_ = site;
     owner_ = &diagram_.site(site);
     owner_position_ = owner_->position();
   }
@@ -274,7 +292,23 @@ class RestrictedPowerDiagram::Clipper {
   Bisector bisector(Index label) const { return Bisector(*owner_, diagram_.site(label), corner_); }
 
   /// The intersection of the line of an edge with the bisector of `other`.
-  Vec3 crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) const {
+  Vec3 crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) {
+    if (known_.empty()) return compute_crossing(label, other, bisector_with_other);
+    // All fragments there compute the same bits, so it does not matter which one did.
+    Index a = owner_site_, b = other, c = label;
+    if (b < a) std::swap(a, b);
+    if (c < b) std::swap(b, c);
+    if (b < a) std::swap(a, b);
+    const std::uint32_t hash = 0x9e3779b1u * static_cast<std::uint32_t>(a) + 0x85ebca77u * static_cast<std::uint32_t>(b) +
+                               0xc2b2ae3du * static_cast<std::uint32_t>(c);
+    Crossing& known = known_[hash >> (32 - kCrossingBits)];
+    if (known.facet != facet_ || known.a != a || known.b != b || known.c != c) {
+      known = {facet_, a, b, c, compute_crossing(label, other, bisector_with_other)};
+    }
+    return known.position;
+  }
+
+  Vec3 compute_crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) const {
     if (is_site(label)) {
       const Vec3 b = facet_crossing_coordinates(corner_, *owner_, diagram_.site(label), diagram_.site(other));
       return b[0] * corner(0) + b[1] * corner(1) + b[2] * corner(2);
@@ -310,6 +344,7 @@ class RestrictedPowerDiagram::Clipper {
   const double* const corner_[3] = {position_[0].data(), position_[1].data(), position_[2].data()};
   std::array<Index, 3> vertex_{};
   double position_error_ = 0;
+  Index facet_ = kNone, owner_site_ = kNone;
   const WeightedPoint* owner_ = nullptr;
   Vec3 owner_position_ = Vec3::Zero();
   double reach_ = 0;  ///< not less than the distance of any corner from the owner
@@ -317,6 +352,7 @@ class RestrictedPowerDiagram::Clipper {
   Arrays *now_ = &arrays_[0], *next_ = &arrays_[1];
   std::vector<double> values_;  ///< of a bisector, at the corners
   std::vector<char> inside_;
+  std::vector<Crossing> known_;  ///< by hash
 };
 
 }  // namespace amps

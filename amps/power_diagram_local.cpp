@@ -173,7 +173,7 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
   clipper.start(owner);
   std::vector<Plane> planes;
   const auto clip = [&] {
-    std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
+    std::sort(planes.begin(), planes.end(), detail::NearerPlane());
     clipper.clip_all(planes.data(), planes.data() + planes.size());
     planes.clear();
   };
@@ -275,7 +275,7 @@ bool RestrictedPowerDiagram::enter_large_facet(Index facet, Index s, Clipper& cl
   std::vector<Plane> planes;
   for (const Index other : cut) planes.push_back(plane(s, other));
   if (planes.empty()) return false;
-  std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
+  std::sort(planes.begin(), planes.end(), detail::NearerPlane());
   clipper.set_facet(facet);
   clipper.start(s);
   clipper.clip_all(planes.data(), planes.data() + planes.size());
