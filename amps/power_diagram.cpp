@@ -97,8 +97,11 @@ struct RestrictedPowerDiagram::FloodScratch {
   std::vector<Index> queue;      ///< sites found in the current facet
   std::vector<Index> last_seen;  ///< by site: the facet it was last queued in
 
+  Index near = 0;  ///< a site where a search may begin
+
   explicit FloodScratch(const RestrictedPowerDiagram& diagram) : clipper(diagram), last_seen(slot(diagram.num_sites()), kNone) {
     clipper.remember_crossings();
+    while (!diagram.visible(near)) ++near;
   }
 };
 
@@ -301,24 +304,28 @@ RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes(const Exec
     if (count > 0) room += count / 2 + 2;
   }
   table.planes.resize(room);
-  constexpr std::size_t kSitesPerPiece = 2048;
+  constexpr std::size_t kSitesPerPiece = 2048, kCellsAhead = 12;
   detail::ScratchPool<std::vector<Index>> pool;
   detail::divide_among_threads(n, kSitesPerPiece, execution.part(0.4, 1), [&](std::size_t begin, std::size_t end) {
     auto scratch = pool.take([n] { return std::make_unique<std::vector<Index>>(n, kNone); });
     Index* const last_seen = scratch->data();
     const Index* const cells = around.cells.data();
+    const std::size_t num_listed = around.cells.size();
     for (std::size_t at = begin; at < end; ++at) {
       const Index s = static_cast<Index>(at);
       last_seen[at] = s;
       Plane* const first = table.planes.data() + table.of_site[at].first;
       Plane* last = first;
       for (std::size_t k = around.start[at], stop = around.start[at + 1]; k < stop; ++k) {
+        if (k + kCellsAhead < num_listed) detail::prefetch(&triangulation_.cell(cells[k + kCellsAhead]));
         for (const Index v : triangulation_.cell(cells[k]).vertex) {
           if (v < kSentinels || last_seen[v - kSentinels] == s) continue;
           last_seen[v - kSentinels] = s;
-          *last++ = plane(s, v - kSentinels);
+          detail::prefetch(&triangulation_.point(v));
+          (last++)->site = v - kSentinels;
         }
       }
+      for (Plane* at_plane = first; at_plane != last; ++at_plane) *at_plane = plane(s, at_plane->site);
       std::sort(first, last, detail::NearerPlane());
       table.of_site[at].count = static_cast<Index>(last - first);
     }
@@ -337,8 +344,9 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
   std::vector<Batch> batches((num_facets + facets_per_batch - 1) / facets_per_batch);
   {
     const PlaneTable planes = all_planes(execution.part(0, 0.2));
-    const std::vector<Index> owner = corner_owners(planes, execution.part(0.2, 0.25));
-    const Execution clipping = execution.part(0.25, 0.85);
+    const Execution clipping = execution.part(0.2, 0.85);
+    CornerOwners owner(slot(mesh_.num_vertices()));
+    for (std::atomic<Index>& unknown : owner) unknown.store(kNone, std::memory_order_relaxed);
     detail::WorkCounter done(clipping, static_cast<std::uint64_t>(fragments));
     detail::ScratchPool<FloodScratch> pool;
     parallel_for(num_facets, facets_per_batch, clipping, [&](std::size_t begin, std::size_t end) {
@@ -352,20 +360,38 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
   assemble(batches, execution.part(0.85, 1));
 }
 
-void RestrictedPowerDiagram::clip_facets(std::size_t begin, std::size_t end, const std::vector<Index>& owner,
-                                         const PlaneTable& planes, FloodScratch& scratch, Batch& batch) const {
+void RestrictedPowerDiagram::clip_facets(std::size_t begin, std::size_t end, CornerOwners& owner, const PlaneTable& planes,
+                                         FloodScratch& scratch, Batch& batch) const {
   for (std::size_t f = begin; f < end; ++f) {
     if (facet_error_[f] < 0) continue;
     const Index facet = static_cast<Index>(f);
     scratch.clipper.set_facet(facet);
-    const Index owner_a = owner[slot(mesh_.triangles(facet, 0))];
-    if (owner_a == owner[slot(mesh_.triangles(facet, 1))] && owner_a == owner[slot(mesh_.triangles(facet, 2))]) {
-      scratch.clipper.start(owner_a);  // power cells are convex: the whole facet lies in this one
-      batch.add(facet, owner_a, scratch.clipper);
+    const std::array<Index, 3> owners = corner_owners(facet, owner, planes, scratch.near);
+    if (owners[0] == owners[1] && owners[0] == owners[2]) {
+      scratch.clipper.start(owners[0]);  // power cells are convex: the whole facet lies in this one
+      batch.add(facet, owners[0], scratch.clipper);
     } else {
-      flood_facet(facet, owner_a, planes, scratch, batch);
+      flood_facet(facet, owners[0], planes, scratch, batch);
     }
   }
+}
+
+/// The owners of a facet's corners, found by walking from the last one over ever nearer neighbours if they are not known.
+/// Threads may find the same one at the same time.
+std::array<Index, 3> RestrictedPowerDiagram::corner_owners(Index facet, CornerOwners& owner, const PlaneTable& planes,
+                                                           Index& near) const {
+  std::array<Index, 3> result{};
+  for (int c = 0; c < 3; ++c) {
+    const Index known = owner[slot(mesh_.triangles(facet, c))].load(std::memory_order_relaxed);
+    result[slot(c)] = known;
+    if (known != kNone) near = known;
+  }
+  for (int c = 0; c < 3; ++c) {
+    if (result[slot(c)] != kNone) continue;
+    result[slot(c)] = near = owner_from(near, mesh_.corner(facet, c), planes);
+    owner[slot(mesh_.triangles(facet, c))].store(near, std::memory_order_relaxed);
+  }
+  return result;
 }
 
 /// Puts the fragments of all facets together. Polygons stay in the order of facets, but the records of each site's fragments
@@ -485,36 +511,6 @@ void RestrictedPowerDiagram::bound(Fragment& fragment, const Vec3* corner) {
   for (int a = 0; a < 3; ++a) fragment.centre[slot(a)] = static_cast<float>(centre[a]);
   fragment.radius = static_cast<float>(std::sqrt(farthest) * (1 + kFloatSlack) + kFloatSlack * detail::sum(centre.cwiseAbs()) +
                                        kFloatUnderflow);
-}
-
-/// The owner of every mesh vertex that a facet uses, found by walking from the last one over ever nearer neighbours. Threads
-/// may find the same owner at the same time.
-std::vector<Index> RestrictedPowerDiagram::corner_owners(const PlaneTable& planes, const Execution& execution) const {
-  std::vector<std::atomic<Index>> owner(slot(mesh_.num_vertices()));
-  for (std::atomic<Index>& unknown : owner) unknown.store(kNone, std::memory_order_relaxed);
-  const auto owner_of = [&](Index facet, int c) -> std::atomic<Index>& { return owner[slot(mesh_.triangles(facet, c))]; };
-  Index start = 0;
-  while (!visible(start)) ++start;
-  const auto find = [&](std::size_t begin, std::size_t end) {
-    Index near = start;
-    for (Index facet = static_cast<Index>(begin); facet < static_cast<Index>(end); ++facet) {
-      for (int c = 0; c < 3; ++c) {
-        const Index known = owner_of(facet, c).load(std::memory_order_relaxed);
-        if (known != kNone) near = known;
-      }
-      for (int c = 0; c < 3; ++c) {
-        std::atomic<Index>& found = owner_of(facet, c);
-        if (found.load(std::memory_order_relaxed) != kNone) continue;
-        near = owner_from(near, mesh_.corner(facet, c), planes);
-        found.store(near, std::memory_order_relaxed);
-      }
-    }
-  };
-  detail::divide_among_threads(slot(mesh_.num_facets()), kFacetsPerPiece, execution, find);
-  std::vector<Index> result;
-  result.reserve(owner.size());
-  for (const std::atomic<Index>& found : owner) result.push_back(found.load(std::memory_order_relaxed));
-  return result;
 }
 
 /// The owner of x. There is one only, wherever the walk begins.

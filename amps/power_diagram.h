@@ -33,7 +33,10 @@
 #include "amps/site_tree.h"
 #include "amps/triangulation.h"
 
+#include <array>
+#include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -204,6 +207,7 @@ class RestrictedPowerDiagram {
     const Plane* end(Index s) const { return begin(s) + of_site[static_cast<std::size_t>(s)].count; }
   };
   struct CellsOfSites;
+  using CornerOwners = std::vector<std::atomic<Index>>;  ///< by vertex of the mesh; kNone: not known yet
 
   class Clipper;
   struct Batch;
@@ -219,12 +223,12 @@ class RestrictedPowerDiagram {
   void build(const Execution& execution);
   CellsOfSites cells_of_sites(const Execution& execution) const;
   PlaneTable all_planes(const Execution& execution) const;
-  std::vector<Index> corner_owners(const PlaneTable& planes, const Execution& execution) const;
+  std::array<Index, 3> corner_owners(Index facet, CornerOwners& owner, const PlaneTable& planes, Index& near) const;
   Index owner_from(Index near, const Vec3& position, const PlaneTable& planes) const;
   void prefetch_planes(const PlaneTable& planes, Index s) const;
   void prefetch_sites(const PlaneTable& planes, Index s) const;
-  void clip_facets(std::size_t begin, std::size_t end, const std::vector<Index>& owner, const PlaneTable& planes,
-                   FloodScratch& scratch, Batch& batch) const;
+  void clip_facets(std::size_t begin, std::size_t end, CornerOwners& owner, const PlaneTable& planes, FloodScratch& scratch,
+                   Batch& batch) const;
   void flood_facet(Index facet, Index owner, const PlaneTable& planes, FloodScratch& scratch, Batch& batch) const;
   void assemble(std::vector<Batch>& batches, const Execution& execution);
   SiteOrder number_fragments(std::vector<Batch>& batches, const Execution& execution);
