@@ -267,7 +267,8 @@ RestrictedPowerDiagram::CellsOfSites RestrictedPowerDiagram::cells_of_sites(cons
       for_each_piece(last - first, kElementsPerLook, part, [&](std::size_t begin, std::size_t end) {
         for (std::size_t c = first + begin; c < first + end; ++c) {
           const RegularTriangulation::Cell& cell = triangulation_.cell(static_cast<Index>(c));
-          for (const Index v : cell.vertex) {  // of a dead cell all are kNone
+          if (!cell.alive()) continue;
+          for (const Index v : cell.vertex) {
             if (v >= kSentinels) visit(of_part, slot(v - kSentinels), static_cast<Index>(c));
           }
         }
