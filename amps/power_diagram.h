@@ -320,7 +320,7 @@ struct DiagramCosts {
 
   DiagramCosts(double facets, double sites, unsigned workers) {
     triangulation = 1.9 * sites;
-    fragments = 0.8 * sites + 0.7 * expected_fragments(facets, sites) / workers;
+    fragments = (0.6 * sites + 0.65 * expected_fragments(facets, sites)) / workers;
   }
   double all() const { return triangulation + fragments; }
 };
