@@ -83,6 +83,7 @@ void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around
   }
   for (const Index f : touched) prefetch_facet_corners(fragments_[slot(f)].facet);
   Clipper clipper(*this);
+  clipper.remember_crossings();
   std::vector<Index> facets = clip_touched(touched, s, clipper);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     if (v >= kSentinels && v != s + kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
@@ -284,6 +285,7 @@ void RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& cand
       prefetch_polygon(grown);
   }
   Clipper clipper(*this);
+  clipper.remember_crossings();
   DivideScratch scratch;
   scratch.many = left.size() > detail::kManyFragments;
   reach_[slot(s)] = kNoCell;
