@@ -46,6 +46,7 @@
 //   triangulation_edit      (its .cpp only) removing, moving and re-weighting points
 //   triangulation_parallel  (its .cpp only) bulk insertion by several threads
 //   site_tree.h      (internal) sites by place, while they come and go
+//   polygon_pages.h  (internal) memory of polygons that change
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
 //   power_diagram_clipper  (internal) its polygons, cut by bisectors
 //   power_diagram_edit     (its .cpp only) inserting and removing sites

@@ -5,9 +5,13 @@
 #include "amps/power_diagram_clipper.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
+#include <memory>
+#include <mutex>
 #include <utility>
+#include <vector>
 
 namespace amps {
 
@@ -21,16 +25,56 @@ double RestrictedPowerDiagram::Polygon::area() const {
 
 // Construction
 
-/// Fragments of a run of facets, before they are put together.
+namespace detail {
+
+/// Memory that pieces of a parallel loop use one after another: there are as many as work at the same time.
+template <class Scratch>
+class ScratchPool {
+ public:
+  template <class Make>
+  std::unique_ptr<Scratch> take(const Make& make) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (!idle_.empty()) {
+        std::unique_ptr<Scratch> scratch = std::move(idle_.back());
+        idle_.pop_back();
+        return scratch;
+      }
+    }
+    return make();
+  }
+
+  void give_back(std::unique_ptr<Scratch> scratch) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    idle_.push_back(std::move(scratch));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Scratch>> idle_;
+};
+
+/// parallel_for() that reports.
+template <class Body>
+void divide_among_threads(std::size_t n, std::size_t grain, const Execution& execution, const Body& body) {
+  WorkCounter done(execution, n);
+  parallel_for(n, grain, execution, [&](std::size_t begin, std::size_t end) {
+    body(begin, end);
+    done.add(end - begin);
+  });
+}
+
+}  // namespace detail
+
+/// Fragments of a run of facets, before they are put together. Their polygons stay where they are.
 struct RestrictedPowerDiagram::Batch {
   struct Entry {
     Index facet, site, size;
+    Index room;      ///< in `polygons`, and later in those of the diagram
+    Index fragment;  ///< its number, once it has one
   };
   std::vector<Entry> entries;
-  std::vector<Vec3> corners;
-  std::vector<Index> labels;
-  std::vector<Index> queue;      ///< sites found in the current facet
-  std::vector<Index> last_seen;  ///< by site: the facet it was last queued in
+  detail::PolygonPages polygons;
   detail::WorkCounter* done = nullptr;
   std::size_t told = 0;  ///< entries that have been added to it
 
@@ -40,13 +84,36 @@ struct RestrictedPowerDiagram::Batch {
       done->add(entries.size() - told);
       told = entries.size();
     }
-    const std::size_t first = corners.size(), count = clipper.corners().size();
-    entries.push_back({facet, site, static_cast<Index>(count)});
-    corners.resize(first + count);
-    labels.resize(first + count);
-    std::copy(clipper.corners().begin(), clipper.corners().end(), corners.begin() + static_cast<std::ptrdiff_t>(first));
-    std::copy(clipper.labels().begin(), clipper.labels().end(), labels.begin() + static_cast<std::ptrdiff_t>(first));
+    const Index size = clipper.size(), room = polygons.allocate(size);
+    std::copy_n(clipper.corners(), size, polygons.corners(room));
+    std::copy(clipper.labels().begin(), clipper.labels().end(), polygons.labels(room));
+    entries.push_back({facet, site, size, room, kNone});
   }
+};
+
+/// What finding the fragments of a facet needs.
+struct RestrictedPowerDiagram::FloodScratch {
+  Clipper clipper;
+  std::vector<Index> queue;      ///< sites found in the current facet
+  std::vector<Index> last_seen;  ///< by site: the facet it was last queued in
+
+  Index near = 0;  ///< a site where a search may begin
+
+  explicit FloodScratch(const RestrictedPowerDiagram& diagram) : clipper(diagram), last_seen(slot(diagram.num_sites()), kNone) {
+    clipper.remember_crossings();
+    while (!diagram.visible(near)) ++near;
+  }
+};
+
+/// Fragments of a site: from its first one up to, not including, its end.
+struct RestrictedPowerDiagram::SiteOrder {
+  std::vector<Index> first, end;
+};
+
+/// By site: cells of the triangulation that it is a corner of.
+struct RestrictedPowerDiagram::CellsOfSites {
+  std::vector<std::size_t> start;  ///< of a site's ones in `cells`; one entry more than sites
+  std::vector<Index, detail::UninitializedAllocator<Index>> cells;
 };
 
 RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
@@ -83,8 +150,7 @@ RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const Point
 void RestrictedPowerDiagram::clear() {
   triangulation_ = RegularTriangulation();
   fragments_ = {};
-  corners_ = {};
-  labels_ = {};
+  polygons_ = detail::PolygonPages();
   first_of_site_ = first_of_facet_ = {};
   facet_error_ = reach_ = {};
   local_ = {};
@@ -148,7 +214,7 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesVi
 namespace {
 
 /// Of loops that take 100 ns a facet.
-constexpr std::uint64_t kFacetsPerLook = 8192;
+constexpr std::size_t kFacetsPerPiece = 4096;
 
 }  // namespace
 
@@ -156,22 +222,26 @@ constexpr std::uint64_t kFacetsPerLook = 8192;
 void RestrictedPowerDiagram::measure_facets(const Execution& execution) {
   facet_error_.assign(slot(mesh_.num_facets()), 0);
   for (const Index facet : detail::find_repeated_facets(mesh_, execution.part(0, 0.4))) facet_error_[slot(facet)] = -1;
-  detail::Ticker ticker(execution.part(0.4, 1), facet_error_.size(), kFacetsPerLook);
-  for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
-    ticker.tick();
-    if (facet_error_[slot(facet)] < 0) continue;
-    double longest = 0, largest = 0;
-    for (int c = 0; c < 3; ++c) {
-      const Vec3 corner = mesh_.corner(facet, c);
-      longest = std::max(longest, detail::squared_norm(corner - mesh_.corner(facet, (c + 1) % 3)));
-      largest = std::max(largest, corner.cwiseAbs().maxCoeff());
+  std::vector<double> largest_of_piece((facet_error_.size() + kFacetsPerPiece - 1) / kFacetsPerPiece, 0.0);
+  const auto measure = [&](std::size_t begin, std::size_t end) {
+    double& largest_error = largest_of_piece[begin / kFacetsPerPiece];
+    for (Index facet = static_cast<Index>(begin); facet < static_cast<Index>(end); ++facet) {
+      if (facet_error_[slot(facet)] < 0) continue;
+      double longest = 0, largest = 0;
+      for (int c = 0; c < 3; ++c) {
+        const Vec3 corner = mesh_.corner(facet, c);
+        longest = std::max(longest, detail::squared_norm(corner - mesh_.corner(facet, (c + 1) % 3)));
+        largest = std::max(largest, corner.cwiseAbs().maxCoeff());
+      }
+      const Vec3 a = mesh_.corner(facet, 0), b = mesh_.corner(facet, 1), c = mesh_.corner(facet, 2);
+      facet_error_[slot(facet)] = collinear(a.data(), b.data(), c.data())
+                                      ? -1.0
+                                      : detail::kPositionError * std::sqrt(longest) + detail::kPositionRounding * largest;
+      largest_error = std::max(largest_error, facet_error_[slot(facet)]);
     }
-    const Vec3 a = mesh_.corner(facet, 0), b = mesh_.corner(facet, 1), c = mesh_.corner(facet, 2);
-    facet_error_[slot(facet)] = collinear(a.data(), b.data(), c.data())
-                                    ? -1.0
-                                    : detail::kPositionError * std::sqrt(longest) + detail::kPositionRounding * largest;
-    largest_facet_error_ = std::max(largest_facet_error_, facet_error_[slot(facet)]);
-  }
+  };
+  detail::divide_among_threads(facet_error_.size(), kFacetsPerPiece, execution.part(0.4, 1), measure);
+  for (const double error : largest_of_piece) largest_facet_error_ = std::max(largest_facet_error_, error);
 }
 
 RestrictedPowerDiagram::Plane RestrictedPowerDiagram::plane(Index owner, Index other) const {
@@ -181,137 +251,228 @@ RestrictedPowerDiagram::Plane RestrictedPowerDiagram::plane(Index owner, Index o
   return {((d2 + dw) - detail::kOffsetSlack * (d2 + std::fabs(dw))) / (2 * std::sqrt(d2)), other};
 }
 
-RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes(const Execution& execution) const {
-  const RegularTriangulation::Adjacency around = adjacency(execution.part(0, 0.6));
-  PlaneTable table;
-  table.offset = around.offset;
-  table.planes.reserve(around.adjacent.size());
-  constexpr std::size_t kSitesPerPiece = 4096;
-  detail::for_each_piece(slot(num_sites()), kSitesPerPiece, execution.part(0.6, 1), [&](std::size_t begin, std::size_t end) {
-    for (Index s = static_cast<Index>(begin); s < static_cast<Index>(end); ++s) {
-      for (Index k = around.offset[slot(s)]; k < around.offset[slot(s) + 1]; ++k) {
-        table.planes.push_back(plane(s, around.adjacent[slot(k)]));
-      }
-      std::sort(table.planes.begin() + around.offset[slot(s)], table.planes.end(), detail::nearer_plane<Plane>);
+/// Each thread counts, and then lists, what a part of the cells has: lists are in the order of cells, however many parts.
+RestrictedPowerDiagram::CellsOfSites RestrictedPowerDiagram::cells_of_sites(const Execution& execution) const {
+  using detail::for_each_piece;
+  using detail::kElementsPerLook;
+  constexpr std::size_t kMostParts = 16;  // each has a number a site
+  const std::size_t n = slot(num_sites()), num_cells = slot(triangulation_.cell_capacity());
+  const std::size_t cells_per_part = num_cells / std::min<std::size_t>(execution.workers(), kMostParts) + 1;
+  std::vector<std::vector<Index>> parts((num_cells + cells_per_part - 1) / cells_per_part);
+  // visit(part, site, cell) for the corners of living cells.
+  const auto visit_corners = [&](const Execution& part, const auto& visit) {
+    parallel_for(num_cells, cells_per_part, part, [&](std::size_t first, std::size_t last) {
+      std::vector<Index>& of_part = parts[first / cells_per_part];
+      of_part.resize(n, 0);
+      for_each_piece(last - first, kElementsPerLook, part, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t c = first + begin; c < first + end; ++c) {
+          const RegularTriangulation::Cell& cell = triangulation_.cell(static_cast<Index>(c));
+          if (!cell.alive()) continue;
+          for (const Index v : cell.vertex) {
+            if (v >= kSentinels) visit(of_part, slot(v - kSentinels), static_cast<Index>(c));
+          }
+        }
+      });
+    });
+  };
+  visit_corners(execution.part(0, 0.3), [](std::vector<Index>& count, std::size_t s, Index) { ++count[s]; });
+  CellsOfSites result;
+  result.start.resize(n + 1);
+  result.start[0] = 0;
+  for_each_piece(n, kElementsPerLook, execution.part(0.3, 0.4), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t s = begin; s < end; ++s) {
+      Index before = 0;
+      for (std::vector<Index>& part : parts) before += std::exchange(part[s], before);
+      result.start[s + 1] = result.start[s] + slot(before);
     }
+  });
+  result.cells.resize(result.start.back());
+  visit_corners(execution.part(0.4, 1),
+                [&](std::vector<Index>& next, std::size_t s, Index c) { result.cells[result.start[s] + slot(next[s]++)] = c; });
+  return result;
+}
+
+RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes(const Execution& execution) const {
+  const CellsOfSites around = cells_of_sites(execution.part(0, 0.4));
+  const std::size_t n = slot(num_sites());
+  PlaneTable table;
+  table.of_site.resize(n);
+  std::size_t room = 0;
+  for (std::size_t s = 0; s < n; ++s) {
+    table.of_site[s] = {room, 0};
+    // The cells at a vertex meet a small sphere around it in triangles: by Euler, they have half as many corners, and two.
+    const std::size_t count = around.start[s + 1] - around.start[s];
+    if (count > 0) room += count / 2 + 2;
+  }
+  table.planes.resize(room);
+  constexpr std::size_t kSitesPerPiece = 2048, kCellsAhead = 12;
+  detail::ScratchPool<std::vector<Index>> pool;
+  detail::divide_among_threads(n, kSitesPerPiece, execution.part(0.4, 1), [&](std::size_t begin, std::size_t end) {
+    auto scratch = pool.take([n] { return std::make_unique<std::vector<Index>>(n, kNone); });
+    Index* const last_seen = scratch->data();
+    const Index* const cells = around.cells.data();
+    const std::size_t num_listed = around.cells.size();
+    for (std::size_t at = begin; at < end; ++at) {
+      const Index s = static_cast<Index>(at);
+      last_seen[at] = s;
+      Plane* const first = table.planes.data() + table.of_site[at].first;
+      Plane* last = first;
+      for (std::size_t k = around.start[at], stop = around.start[at + 1]; k < stop; ++k) {
+        if (k + kCellsAhead < num_listed) detail::prefetch(&triangulation_.cell(cells[k + kCellsAhead]));
+        for (const Index v : triangulation_.cell(cells[k]).vertex) {
+          if (v < kSentinels || last_seen[v - kSentinels] == s) continue;
+          last_seen[v - kSentinels] = s;
+          detail::prefetch(&triangulation_.point(v));
+          (last++)->site = v - kSentinels;
+        }
+      }
+      for (Plane* at_plane = first; at_plane != last; ++at_plane) *at_plane = plane(s, at_plane->site);
+      std::sort(first, last, detail::NearerPlane());
+      table.of_site[at].count = static_cast<Index>(last - first);
+    }
+    pool.give_back(std::move(scratch));
   });
   return table;
 }
 
 void RestrictedPowerDiagram::build(const Execution& execution) {
-  const PlaneTable planes = all_planes(execution.part(0, 0.35));
-  const std::vector<Index> owner = corner_owners(planes, execution.part(0.35, 0.4));
   const std::size_t num_facets = slot(mesh_.num_facets());
-  // One thread fills the pools themselves; with more, batches are put together in their order, with the same result.
-  const std::size_t facets_per_batch = execution.workers() == 1 ? num_facets : 4096;
-  std::vector<Batch> batches((num_facets + facets_per_batch - 1) / facets_per_batch);
-  const Execution clipping = execution.part(0.4, 0.8);
   const double fragments = detail::expected_fragments(static_cast<double>(num_facets), static_cast<double>(num_sites()));
-  detail::WorkCounter done(clipping, static_cast<std::uint64_t>(fragments));
-  parallel_for(num_facets, facets_per_batch, clipping, [&](std::size_t begin, std::size_t end) {
-    Batch& batch = batches[begin / facets_per_batch];
-    batch.done = &done;
-    batch.last_seen.assign(slot(num_sites()), kNone);
-    batch.entries.reserve(end - begin + 4 * slot(num_sites()) / batches.size());
-    // Room for edits, too: memory is not used before it is written to, and moving the pools would take long.
-    batch.corners.reserve(8 * batch.entries.capacity());
-    batch.labels.reserve(8 * batch.entries.capacity());
-    clip_facets(begin, end, owner, planes, batch);
-    batch.last_seen = {};
-  });
-  assemble(batches, execution.part(0.8, 1));
+  // So many that threads end at about the same time. Batches are put together in their order.
+  constexpr double kFragmentsPerBatch = 4096;
+  const auto facets_per_batch = static_cast<std::size_t>(
+      std::min(std::max(1.0, static_cast<double>(num_facets) * kFragmentsPerBatch / fragments), kFragmentsPerBatch));
+  std::vector<Batch> batches((num_facets + facets_per_batch - 1) / facets_per_batch);
+  {
+    const PlaneTable planes = all_planes(execution.part(0, 0.2));
+    const Execution clipping = execution.part(0.2, 0.85);
+    CornerOwners owner(slot(mesh_.num_vertices()));
+    for (std::atomic<Index>& unknown : owner) unknown.store(kNone, std::memory_order_relaxed);
+    detail::WorkCounter done(clipping, static_cast<std::uint64_t>(fragments));
+    detail::ScratchPool<FloodScratch> pool;
+    parallel_for(num_facets, facets_per_batch, clipping, [&](std::size_t begin, std::size_t end) {
+      auto scratch = pool.take([this] { return std::make_unique<FloodScratch>(*this); });
+      Batch& batch = batches[begin / facets_per_batch];
+      batch.done = &done;
+      clip_facets(begin, end, owner, planes, *scratch, batch);
+      pool.give_back(std::move(scratch));
+    });
+  }
+  assemble(batches, execution.part(0.85, 1));
 }
 
-void RestrictedPowerDiagram::clip_facets(std::size_t begin, std::size_t end, const std::vector<Index>& owner,
-                                         const PlaneTable& planes, Batch& batch) const {
-  Clipper clipper(*this);
+void RestrictedPowerDiagram::clip_facets(std::size_t begin, std::size_t end, CornerOwners& owner, const PlaneTable& planes,
+                                         FloodScratch& scratch, Batch& batch) const {
   for (std::size_t f = begin; f < end; ++f) {
     if (facet_error_[f] < 0) continue;
     const Index facet = static_cast<Index>(f);
-    clipper.set_facet(facet);
-    const Index owner_a = owner[slot(mesh_.triangles(facet, 0))];
-    if (owner_a == owner[slot(mesh_.triangles(facet, 1))] && owner_a == owner[slot(mesh_.triangles(facet, 2))]) {
-      clipper.start(owner_a);  // power cells are convex: the whole facet lies in this one
-      batch.add(facet, owner_a, clipper);
+    scratch.clipper.set_facet(facet);
+    const std::array<Index, 3> owners = corner_owners(facet, owner, planes, scratch.near);
+    if (owners[0] == owners[1] && owners[0] == owners[2]) {
+      scratch.clipper.start(owners[0]);  // power cells are convex: the whole facet lies in this one
+      batch.add(facet, owners[0], scratch.clipper);
     } else {
-      flood_facet(facet, owner_a, planes, clipper, batch);
+      flood_facet(facet, owners[0], planes, scratch, batch);
     }
   }
+}
+
+/// The owners of a facet's corners, found by walking from the last one over ever nearer neighbours if they are not known.
+/// Threads may find the same one at the same time.
+std::array<Index, 3> RestrictedPowerDiagram::corner_owners(Index facet, CornerOwners& owner, const PlaneTable& planes,
+                                                           Index& near) const {
+  std::array<Index, 3> result{};
+  for (int c = 0; c < 3; ++c) {
+    const Index known = owner[slot(mesh_.triangles(facet, c))].load(std::memory_order_relaxed);
+    result[slot(c)] = known;
+    if (known != kNone) near = known;
+  }
+  for (int c = 0; c < 3; ++c) {
+    if (result[slot(c)] != kNone) continue;
+    result[slot(c)] = near = owner_from(near, mesh_.corner(facet, c), planes);
+    owner[slot(mesh_.triangles(facet, c))].store(near, std::memory_order_relaxed);
+  }
+  return result;
 }
 
 /// Puts the fragments of all facets together. Polygons stay in the order of facets, but the records of each site's fragments
 /// lie side by side, sites in the order in which facets meet them: local updates look through all fragments of a few sites, and
 /// would otherwise spend their time on cache misses.
 void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Execution& execution) {
-  using detail::for_each_piece;
-  using detail::kElementsPerLook;
-  make_records(batches, execution.part(0, 0.3));
-  fill_pools(batches, execution.part(0.3, 0.4));
-  for_each_piece(fragments_.size(), kElementsPerLook, execution.part(0.4, 0.9), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) link(num_fragments_ - 1 - static_cast<Index>(k));  // so that lists run forwards
+  const SiteOrder order = number_fragments(batches, execution.part(0, 0.3));
+  const std::size_t num_fragments = slot(num_fragments_);
+  fragments_.reserve(num_fragments + num_fragments / 2);  // edits add to them; memory is not used before it is written to
+  fragments_.resize(num_fragments);
+  detail::divide_among_threads(batches.size(), 1, execution.part(0.3, 0.9), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      make_records(batches[k], order);
+      batches[k] = Batch();
+    }
   });
   reach_.resize(slot(num_sites()));
-  for_each_piece(reach_.size(), kElementsPerLook, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {
+  constexpr std::size_t kSitesPerPiece = 4096;
+  detail::divide_among_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {
     for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
   });
 }
 
-/// The fragments' records, without links. Their bounds are set here, where corners are read as a stream: afterwards each would
-/// be looked for in memory, which of ten million took a minute.
-void RestrictedPowerDiagram::make_records(const std::vector<Batch>& batches, const Execution& execution) {
+/// Takes over the polygons of all batches, and gives each fragment its number.
+RestrictedPowerDiagram::SiteOrder RestrictedPowerDiagram::number_fragments(std::vector<Batch>& batches,
+                                                                           const Execution& execution) {
   std::size_t num_entries = 0;
   for (const Batch& batch : batches) num_entries += batch.entries.size();
-  std::vector<Index> count(slot(num_sites()), 0), site_order;
-  detail::Ticker counting(execution.part(0, 0.3), num_entries, detail::kElementsPerLook);
+  SiteOrder order;
+  order.first.assign(slot(num_sites()), 0);
+  order.end.assign(slot(num_sites()), 0);
+  std::vector<Index> met;  // sites, as facets meet them
+  met.reserve(order.end.size());
+  detail::Ticker ticker(execution, 2 * num_entries, detail::kElementsPerLook);
   for (const Batch& batch : batches) {
     for (const Batch::Entry& entry : batch.entries) {
-      counting.tick();
-      if (count[slot(entry.site)]++ == 0) site_order.push_back(entry.site);
+      if (order.end[slot(entry.site)]++ == 0) met.push_back(entry.site);
     }
+    ticker.tick(batch.entries.size());
   }
-  std::vector<Index> next(slot(num_sites()), 0);
-  for (const Index s : site_order) {
-    next[slot(s)] = num_fragments_;
-    num_fragments_ += count[slot(s)];
+  for (const Index s : met) {
+    first_of_site_[slot(s)] = order.first[slot(s)] = num_fragments_;
+    num_fragments_ += std::exchange(order.end[slot(s)], num_fragments_);
   }
-  fragments_.reserve(num_entries + num_entries / 2);
-  detail::for_each_piece(num_entries, detail::kElementsPerLook, execution.part(0.3, 0.6),
-                         [&](std::size_t, std::size_t end) { fragments_.resize(end); });
-  detail::Ticker filling(execution.part(0.6, 1), num_entries, detail::kElementsPerLook);
-  Index first = 0;
-  for (const Batch& batch : batches) {
-    const Vec3* corners = batch.corners.data();
-    for (const Batch::Entry& entry : batch.entries) {
-      filling.tick();
-      Fragment& fragment = fragments_[slot(next[slot(entry.site)]++)];
-      fragment.facet = entry.facet;
-      fragment.site = entry.site;
-      fragment.first = first;
-      fragment.size = fragment.capacity = entry.size;
-      bound(fragment, corners);
-      first += entry.size;
-      corners += entry.size;
+  for (Batch& batch : batches) {
+    const Index added = polygons_.adopt(std::move(batch.polygons));
+    for (Batch::Entry& entry : batch.entries) {
+      entry.room += added;
+      entry.fragment = order.end[slot(entry.site)]++;
     }
+    ticker.tick(batch.entries.size());
   }
+  return order;
 }
 
-void RestrictedPowerDiagram::fill_pools(std::vector<Batch>& batches, const Execution& execution) {
-  if (batches.size() == 1) {
-    corners_ = std::move(batches.front().corners);
-    labels_ = std::move(batches.front().labels);
-    return;
-  }
-  std::size_t size = 0;
-  for (const Batch& batch : batches) size += batch.corners.size();
-  corners_.reserve(2 * size);  // edits add to them
-  labels_.reserve(2 * size);
-  detail::Ticker ticker(execution, size, detail::kElementsPerLook);
-  for (Batch& batch : batches) {
-    corners_.insert(corners_.end(), batch.corners.begin(), batch.corners.end());
-    labels_.insert(labels_.end(), batch.labels.begin(), batch.labels.end());
-    ticker.tick(batch.corners.size());
-    batch.corners = {};
-    batch.labels = {};
+/// The records of a batch's fragments, and the lists of its facets and of the sites. Lists run forwards.
+void RestrictedPowerDiagram::make_records(const Batch& batch, const SiteOrder& order) {
+  std::vector<Index> in_facet;
+  for (auto entry = batch.entries.begin(); entry != batch.entries.end();) {
+    const Index facet = entry->facet;
+    in_facet.clear();
+    for (; entry != batch.entries.end() && entry->facet == facet; ++entry) {
+      const Index f = entry->fragment;
+      Fragment fragment;
+      fragment.facet = facet;
+      fragment.site = entry->site;
+      fragment.room = entry->room;
+      fragment.size = entry->size;
+      if (f > order.first[slot(entry->site)]) fragment.previous_of_site = f - 1;
+      if (f + 1 < order.end[slot(entry->site)]) fragment.next_of_site = f + 1;
+      bound(fragment, polygons_.corners(fragment.room));
+      fragments_[slot(f)] = fragment;
+      in_facet.push_back(f);
+    }
+    std::sort(in_facet.begin(), in_facet.end());
+    first_of_facet_[slot(facet)] = in_facet.front();
+    for (std::size_t k = 1; k < in_facet.size(); ++k) {
+      fragments_[slot(in_facet[k - 1])].next_of_facet = in_facet[k];
+      fragments_[slot(in_facet[k])].previous_of_facet = in_facet[k - 1];
+    }
   }
 }
 
@@ -353,56 +514,63 @@ void RestrictedPowerDiagram::bound(Fragment& fragment, const Vec3* corner) {
                                        kFloatUnderflow);
 }
 
-/// The owner of every mesh vertex that a facet uses, found by walking from the last one over ever nearer neighbours.
-std::vector<Index> RestrictedPowerDiagram::corner_owners(const PlaneTable& planes, const Execution& execution) const {
-  std::vector<Index> owner(slot(mesh_.num_vertices()), kNone);
-  Index near = 0;
-  while (!visible(near)) ++near;
-  detail::Ticker ticker(execution, slot(mesh_.num_facets()));
-  for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
-    ticker.tick();
-    for (int c = 0; c < 3; ++c) {
-      const Index known = owner[slot(mesh_.triangles(facet, c))];
-      if (known != kNone) near = known;
-    }
-    for (int c = 0; c < 3; ++c) {
-      Index& found = owner[slot(mesh_.triangles(facet, c))];
-      if (found != kNone) continue;
-      const Vec3 position = mesh_.corner(facet, c);
-      const double* const corners[3] = {position.data(), position.data(), position.data()};
-      const double error = detail::kPositionRounding * position.cwiseAbs().maxCoeff();
-      for (bool moved = true; moved;) {
-        moved = false;
-        for (const Plane *plane = planes.begin(near), *end = planes.end(near); plane != end && !moved; ++plane) {
-          const Index other = plane->site;
-          int side = detail::SideFilter(site(near), site(other)).side(position, error);
-          if (side == 0) side = side_of_corner(corners, 0, Bisector(site(near), site(other), corners));
-          if (side < 0) {
-            near = other;
-            moved = true;
-          }
-        }
-      }
-      found = near;
+/// The owner of x. There is one only, wherever the walk begins.
+Index RestrictedPowerDiagram::owner_from(Index near, const Vec3& x, const PlaneTable& planes) const {
+  const double* const corners[3] = {x.data(), x.data(), x.data()};
+  for (bool moved = true; moved;) {
+    moved = false;
+    prefetch_sites(planes, near);
+    const WeightedPoint& owner = site(near);
+    const Vec3 position = owner.position(), relative = x - position;
+    const double distance = detail::norm(relative) * (1 + detail::kOffsetSlack);
+    // Bisectors beyond x leave it to the owner.
+    for (const Plane *plane = planes.begin(near), *end = planes.end(near); plane != end && !(plane->offset > distance);
+         ++plane) {
+      const WeightedPoint& other = site(plane->site);
+      int side = detail::RelativeFilter(position, owner.w, other, 0, distance).side(relative);
+      if (side == 0) side = side_of_corner(corners, 0, Bisector(owner, other, corners));
+      if (side > 0) continue;
+      near = plane->site;
+      moved = true;
+      break;
     }
   }
-  return owner;
+  return near;
 }
 
-void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTable& planes, Clipper& clipper,
+// A third of the time of building a diagram of 100,000 sites is waiting for what is far apart in memory.
+
+void RestrictedPowerDiagram::prefetch_planes(const PlaneTable& planes, Index s) const {
+  constexpr std::ptrdiff_t kPlanesPerLine = 4;
+  const Plane* const first = planes.begin(s);
+  for (int line = 0; line < 3; ++line) detail::prefetch(first + line * kPlanesPerLine);
+  detail::prefetch(&site(s));
+}
+
+void RestrictedPowerDiagram::prefetch_sites(const PlaneTable& planes, Index s) const {
+  constexpr std::ptrdiff_t kMostSites = 10;
+  const Plane *plane = planes.begin(s), *const end = plane + std::min(kMostSites, planes.end(s) - plane);
+  for (; plane != end; ++plane) detail::prefetch(&site(plane->site));
+}
+
+void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTable& planes, FloodScratch& scratch,
                                          Batch& batch) const {
-  batch.queue.assign(1, owner);
-  batch.last_seen[slot(owner)] = facet;
-  for (std::size_t k = 0; k < batch.queue.size(); ++k) {
-    const Index s = batch.queue[k];
+  Clipper& clipper = scratch.clipper;
+  std::vector<Index>&queue = scratch.queue, &last_seen = scratch.last_seen;
+  queue.assign(1, owner);
+  last_seen[slot(owner)] = facet;
+  for (std::size_t k = 0; k < queue.size(); ++k) {
+    const Index s = queue[k];
+    prefetch_sites(planes, s);
     clipper.start(s);
     clipper.clip_all(planes.begin(s), planes.end(s));
     AMPS_ASSERT(!clipper.empty());
     batch.add(facet, s, clipper);
     for (const Index label : clipper.labels()) {
-      if (is_site(label) && batch.last_seen[slot(label)] != facet) {
-        batch.last_seen[slot(label)] = facet;
-        batch.queue.push_back(label);
+      if (is_site(label) && last_seen[slot(label)] != facet) {
+        last_seen[slot(label)] = facet;
+        queue.push_back(label);
+        prefetch_planes(planes, label);
       }
     }
   }
@@ -412,7 +580,8 @@ void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTa
 
 RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  return {fragment.facet, fragment.site, corners_.data() + fragment.first, labels_.data() + fragment.first, fragment.size};
+  if (fragment.size == 0) return {fragment.facet, fragment.site, nullptr, nullptr, 0};
+  return {fragment.facet, fragment.site, polygons_.corners(fragment.room), polygons_.labels(fragment.room), fragment.size};
 }
 
 /// Puts a fragment at the head of its two lists.
@@ -431,25 +600,23 @@ void RestrictedPowerDiagram::link(Index f) {
 }
 
 void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper) {
-  const Index size = static_cast<Index>(clipper.corners().size());
-  if (size > fragment.capacity) {
-    pool_garbage_ += slot(fragment.capacity);
-    fragment.first = static_cast<Index>(corners_.size());
-    fragment.capacity = size + 2;  // room for the next cut or two
-    corners_.resize(corners_.size() + slot(fragment.capacity), Vec3::Zero());
-    labels_.resize(labels_.size() + slot(fragment.capacity), kNone);
+  const Index size = clipper.size();
+  if (size != fragment.size) {
+    if (fragment.size != 0) polygons_.release(fragment.room, std::exchange(fragment.size, 0));
+    fragment.room = polygons_.allocate(size);
+    fragment.size = size;
   }
-  fragment.size = size;
-  std::copy(clipper.corners().begin(), clipper.corners().end(), corners_.begin() + fragment.first);
-  std::copy(clipper.labels().begin(), clipper.labels().end(), labels_.begin() + fragment.first);
-  bound(fragment, corners_.data() + fragment.first);
+  Vec3* const corners = polygons_.corners(fragment.room);
+  std::copy_n(clipper.corners(), size, corners);
+  std::copy(clipper.labels().begin(), clipper.labels().end(), polygons_.labels(fragment.room));
+  bound(fragment, corners);
 }
 
 void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper) {
   Index f;
   if (free_fragments_.empty()) {
     f = static_cast<Index>(fragments_.size());
-    fragments_.emplace_back();
+    fragments_.push_back(Fragment());
   } else {
     f = free_fragments_.back();
     free_fragments_.pop_back();
@@ -463,7 +630,6 @@ void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper
   if (site != kNone) changed_sites_.push_back(site);
 }
 
-/// The slot keeps its room in the pools for its next use.
 void RestrictedPowerDiagram::free_fragment(Index f) {
   Fragment& fragment = fragments_[slot(f)];
   if (fragment.site != kNone) {
@@ -474,39 +640,32 @@ void RestrictedPowerDiagram::free_fragment(Index f) {
   (fragment.previous_of_facet == kNone ? first_of_facet_[slot(fragment.facet)]
                                        : fragments_[slot(fragment.previous_of_facet)].next_of_facet) = fragment.next_of_facet;
   if (fragment.next_of_facet != kNone) fragments_[slot(fragment.next_of_facet)].previous_of_facet = fragment.previous_of_facet;
-  fragment.size = 0;
+  polygons_.release(fragment.room, std::exchange(fragment.size, 0));
   --num_fragments_;
   free_fragments_.push_back(f);
 }
 
 void RestrictedPowerDiagram::compact(const Execution& execution) {
-  if (2 * pool_garbage_ < corners_.size()) return;
+  if (2 * polygons_.unused() < polygons_.capacity()) return;
   const Execution run = execution.start("tidying memory");
-  compact_pools(&run);
+  compact_polygons(&run);
 }
 
 /// Moves all polygons together.
-void RestrictedPowerDiagram::compact_pools(const Execution* execution) {
+void RestrictedPowerDiagram::compact_polygons(const Execution* execution) {
   constexpr std::size_t kFragmentsPerLook = 8192;
-  std::vector<Vec3> corners;
-  std::vector<Index> labels;
-  corners.reserve(corners_.size());
-  labels.reserve(labels_.size());
+  detail::PolygonPages polygons;
+  std::vector<Index> room(fragments_.size(), kNone);
   for (std::size_t f = 0; f < fragments_.size(); ++f) {
     if (execution != nullptr && f % kFragmentsPerLook == 0) execution->report(0);
     const Fragment& fragment = fragments_[f];
-    corners.insert(corners.end(), corners_.begin() + fragment.first, corners_.begin() + fragment.first + fragment.size);
-    labels.insert(labels.end(), labels_.begin() + fragment.first, labels_.begin() + fragment.first + fragment.size);
+    if (fragment.size == 0) continue;
+    room[f] = polygons.allocate(fragment.size);
+    std::copy_n(polygons_.corners(fragment.room), fragment.size, polygons.corners(room[f]));
+    std::copy_n(polygons_.labels(fragment.room), fragment.size, polygons.labels(room[f]));
   }
-  Index first = 0;
-  for (Fragment& fragment : fragments_) {
-    fragment.first = first;
-    fragment.capacity = fragment.size;
-    first += fragment.size;
-  }
-  corners_.swap(corners);
-  labels_.swap(labels);
-  pool_garbage_ = 0;
+  for (std::size_t f = 0; f < fragments_.size(); ++f) fragments_[f].room = room[f];
+  polygons_ = std::move(polygons);
 }
 
 int RestrictedPowerDiagram::power_at_corner(const Polygon& polygon, Index k) const {

@@ -28,11 +28,15 @@
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
+#include "amps/polygon_pages.h"
 #include "amps/reach.h"
 #include "amps/site_tree.h"
 #include "amps/triangulation.h"
 
+#include <array>
+#include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -182,13 +186,12 @@ class RestrictedPowerDiagram {
 
   struct Fragment {
     Index facet = kNone, site = kNone;
-    Index first = 0;  ///< of its corners and labels in the pools
-    Index size = 0;   ///< 0: free slot
-    Index capacity = 0;
+    Index room = 0;  ///< of its corners and labels
+    Index size = 0;  ///< 0: free slot
     Index next_of_site = kNone, previous_of_site = kNone;
     Index next_of_facet = kNone, previous_of_facet = kNone;
     /// A ball around the corners, rounded outwards: tells most fragments of a site from those an insertion touches, without a
-    /// look at the corners. With it a record is 52 bytes, and a site's fragments are read as a stream.
+    /// look at the corners. With it a record is 48 bytes, and a site's fragments are read as a stream.
     std::array<float, 3> centre{};
     float radius = 0;
   };
@@ -212,14 +215,22 @@ class RestrictedPowerDiagram {
 
   /// The planes of all sites, each site's in increasing order of offset.
   struct PlaneTable {
-    std::vector<Index> offset;  ///< of a site's planes in `planes`; one entry more than sites
-    std::vector<Plane> planes;
-    const Plane* begin(Index s) const { return planes.data() + offset[static_cast<std::size_t>(s)]; }
-    const Plane* end(Index s) const { return planes.data() + offset[static_cast<std::size_t>(s) + 1]; }
+    struct Range {
+      std::size_t first;
+      Index count;
+    };
+    std::vector<Range> of_site;  ///< in `planes`
+    std::vector<Plane, detail::UninitializedAllocator<Plane>> planes;
+    const Plane* begin(Index s) const { return planes.data() + of_site[static_cast<std::size_t>(s)].first; }
+    const Plane* end(Index s) const { return begin(s) + of_site[static_cast<std::size_t>(s)].count; }
   };
+  struct CellsOfSites;
+  using CornerOwners = std::vector<std::atomic<Index>>;  ///< by vertex of the mesh; kNone: not known yet
 
   class Clipper;
   struct Batch;
+  struct FloodScratch;
+  struct SiteOrder;
 
   std::array<WeightedPoint, kSentinels> sentinels() const;
   bool is_guard(Index s) const;
@@ -228,14 +239,18 @@ class RestrictedPowerDiagram {
   void clear();
   void triangulate(const PointsView& sites, const ValuesView& weights, const Execution& execution);
   void build(const Execution& execution);
+  CellsOfSites cells_of_sites(const Execution& execution) const;
   PlaneTable all_planes(const Execution& execution) const;
-  std::vector<Index> corner_owners(const PlaneTable& planes, const Execution& execution) const;
-  void clip_facets(std::size_t begin, std::size_t end, const std::vector<Index>& owner, const PlaneTable& planes,
+  std::array<Index, 3> corner_owners(Index facet, CornerOwners& owner, const PlaneTable& planes, Index& near) const;
+  Index owner_from(Index near, const Vec3& position, const PlaneTable& planes) const;
+  void prefetch_planes(const PlaneTable& planes, Index s) const;
+  void prefetch_sites(const PlaneTable& planes, Index s) const;
+  void clip_facets(std::size_t begin, std::size_t end, CornerOwners& owner, const PlaneTable& planes, FloodScratch& scratch,
                    Batch& batch) const;
-  void flood_facet(Index facet, Index owner, const PlaneTable& planes, Clipper& clipper, Batch& batch) const;
+  void flood_facet(Index facet, Index owner, const PlaneTable& planes, FloodScratch& scratch, Batch& batch) const;
   void assemble(std::vector<Batch>& batches, const Execution& execution);
-  void make_records(const std::vector<Batch>& batches, const Execution& execution);
-  void fill_pools(std::vector<Batch>& batches, const Execution& execution);
+  SiteOrder number_fragments(std::vector<Batch>& batches, const Execution& execution);
+  void make_records(const Batch& batch, const SiteOrder& order);
   void update_reach(Index s);
   void measure_facets(const Execution& execution);
   Plane plane(Index owner, Index other) const;
@@ -283,18 +298,16 @@ class RestrictedPowerDiagram {
   void add_ownerless_fragment(Index facet);
   void make_site_tree();
   void insert_into_site_tree(Index s);
-  void compact_pools(const Execution* execution = nullptr);
+  void compact_polygons(const Execution* execution = nullptr);
 
   MeshView mesh_;
   const detail::ReachLists* reach_lists_ = nullptr;  ///< null: disks are balls
   std::vector<char> local_;                          ///< by facet; empty where disks are balls
   detail::SiteTree site_tree_;                       ///< of all sites that are not removed, once a facet has needed it
   RegularTriangulation triangulation_;
-  std::vector<Fragment> fragments_;
+  std::vector<Fragment, detail::UninitializedAllocator<Fragment>> fragments_;
   std::vector<Index> free_fragments_;
-  std::vector<Vec3> corners_;  ///< pools; a fragment that outgrows its room moves to the end
-  std::vector<Index> labels_;
-  std::size_t pool_garbage_ = 0;
+  detail::PolygonPages polygons_;
   std::vector<Index> first_of_site_;
   std::vector<Index> first_of_facet_;
   std::vector<double> facet_error_;  ///< bound of the error of computed corners; −1: no fragments
@@ -326,7 +339,7 @@ struct DiagramCosts {
 
   DiagramCosts(double facets, double sites, unsigned workers) {
     triangulation = 1.9 * sites;
-    fragments = 0.8 * sites + 0.7 * expected_fragments(facets, sites) / workers;
+    fragments = (0.6 * sites + 0.65 * expected_fragments(facets, sites)) / workers;
   }
   double all() const { return triangulation + fragments; }
 };

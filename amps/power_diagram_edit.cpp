@@ -69,7 +69,7 @@ void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around
   for (const Index v : around) {
     if (v >= kSentinels) planes.push_back(plane(s, v - kSentinels));
   }
-  std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
+  std::sort(planes.begin(), planes.end(), detail::NearerPlane());
   for (const Plane& plane : planes) {  // worth a tenth of the time of an insertion, where the fragments exceed the cache
     const Index first = first_of_site(plane.site);
     if (first == kNone || plane.offset > reach_[slot(plane.site)]) continue;
@@ -83,6 +83,7 @@ void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around
   }
   for (const Index f : touched) prefetch_facet_corners(fragments_[slot(f)].facet);
   Clipper clipper(*this);
+  clipper.remember_crossings();
   std::vector<Index> facets = clip_touched(touched, s, clipper);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     if (v >= kSentinels && v != s + kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
@@ -100,7 +101,7 @@ void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around
 }
 
 void RestrictedPowerDiagram::finish_edit() {
-  if (4 * pool_garbage_ > 3 * corners_.size()) compact_pools();
+  if (4 * polygons_.unused() > 3 * polygons_.capacity()) compact_polygons();
   // A slot freed and used again is listed twice.
   std::sort(changed_.begin(), changed_.end());
   changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
@@ -155,9 +156,10 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
 /// For the polygon of a fragment, and the corners' indices of its facet.
 void RestrictedPowerDiagram::prefetch_polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  detail::prefetch(&corners_[slot(fragment.first)]);
-  detail::prefetch(&corners_[slot(fragment.first + fragment.size - 1)]);
-  detail::prefetch(&labels_[slot(fragment.first)]);
+  const Vec3* const corners = polygons_.corners(fragment.room);
+  detail::prefetch(corners);
+  detail::prefetch(corners + fragment.size - 1);
+  detail::prefetch(polygons_.labels(fragment.room));
   detail::prefetch(mesh_.triangles.address(fragment.facet));
   detail::prefetch(&facet_error_[slot(fragment.facet)]);
 }
@@ -283,6 +285,7 @@ void RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& cand
       prefetch_polygon(grown);
   }
   Clipper clipper(*this);
+  clipper.remember_crossings();
   DivideScratch scratch;
   scratch.many = left.size() > detail::kManyFragments;
   reach_[slot(s)] = kNoCell;

@@ -23,8 +23,8 @@ namespace {
 
 /// So many sites bound each other's cells in a facet without a search among them.
 constexpr Index kFewLocalSites = 48;
-/// Fragments of a loop that takes some 20 ns for each.
-constexpr std::uint64_t kLocalFragmentsPerLook = 1 << 14;
+/// Fragments of a loop that takes some 20 ns for each, and at most 200.
+constexpr std::size_t kLocalFragmentsPerPiece = std::size_t{1} << 13;
 
 /// Does the ball meet the convex polygon? True where rounding leaves it open.
 bool ball_may_meet(const RestrictedPowerDiagram::Polygon& polygon, const Vec3& normal, const WeightedPoint& ball,
@@ -78,16 +78,22 @@ bool RestrictedPowerDiagram::is_foreign(Index f) const {
 
 void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
   local_.assign(slot(mesh_.num_facets()), 0);
+  constexpr std::size_t kPiece = detail::kLocalFragmentsPerPiece;
+  std::vector<std::vector<Index>> found((fragments_.size() + kPiece - 1) / kPiece);
+  const Execution looking = execution.part(0, 0.5);
+  detail::WorkCounter done(looking, fragments_.size());
+  parallel_for(fragments_.size(), kPiece, looking, [&](std::size_t begin, std::size_t end) {
+    std::vector<Index>& facets = found[begin / kPiece];
+    for (std::size_t f = begin; f < end; ++f) {
+      if (is_foreign(static_cast<Index>(f))) facets.push_back(fragments_[f].facet);
+    }
+    done.add(end - begin);
+  });
   std::vector<Index> facets;
-  detail::Ticker ticker(execution.part(0, 0.5), fragments_.size(), detail::kLocalFragmentsPerLook);
-  for (Index f = 0; f < fragment_capacity(); ++f) {
-    ticker.tick();
-    const Index facet = fragments_[slot(f)].facet;
-    if (local_[slot(facet)] != 0 || !is_foreign(f)) continue;
-    local_[slot(facet)] = 1;
-    facets.push_back(facet);
-  }
+  for (const std::vector<Index>& some : found) facets.insert(facets.end(), some.begin(), some.end());
   std::sort(facets.begin(), facets.end());
+  facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
+  for (const Index facet : facets) local_[slot(facet)] = 1;
   detail::Ticker dividing(execution.part(0.5, 1), facets.size());
   for (const Index facet : facets) {
     dividing.tick();
@@ -171,7 +177,7 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
   clipper.start(owner);
   std::vector<Plane> planes;
   const auto clip = [&] {
-    std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
+    std::sort(planes.begin(), planes.end(), detail::NearerPlane());
     clipper.clip_all(planes.data(), planes.data() + planes.size());
     planes.clear();
   };
@@ -273,7 +279,7 @@ bool RestrictedPowerDiagram::enter_large_facet(Index facet, Index s, Clipper& cl
   std::vector<Plane> planes;
   for (const Index other : cut) planes.push_back(plane(s, other));
   if (planes.empty()) return false;
-  std::sort(planes.begin(), planes.end(), detail::nearer_plane<Plane>);
+  std::sort(planes.begin(), planes.end(), detail::NearerPlane());
   clipper.set_facet(facet);
   clipper.start(s);
   clipper.clip_all(planes.data(), planes.data() + planes.size());
@@ -296,7 +302,7 @@ void RestrictedPowerDiagram::enter_local_facet(Index facet, Index s, Clipper& cl
   }
   add_fragment(facet, s, clipper);
   // It takes from those beyond its edges, and from whom these border on and are cut from.
-  std::vector<Index> from = clipper.labels();
+  std::vector<Index> from(clipper.labels().begin(), clipper.labels().end());
   if (std::none_of(from.begin(), from.end(), is_site)) {  // it owns all of the facet
     for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f)) from.push_back(fragments_[slot(f)].site);
   }

@@ -4,6 +4,8 @@
 #include "kit/errors.h"
 #include "kit/execution.h"
 
+#include "amps/power_diagram_clipper.h"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -305,25 +307,107 @@ TEST_CASE("power_diagram: changed() lists exactly the fragments that an insertio
   CHECK(hidden > 0);
 }
 
-TEST_CASE("power_diagram: any number of threads gives the same diagram, slot by slot") {
-  const Mesh mesh = amps::make_sphere(20000);
-  const Sites sites = random_sites(mesh, 3000, 1e-3, 81);
-  const Diagram one(mesh, sites.positions, sites.weights, 1);
-  for (const unsigned threads : {2u, 3u, 8u, 0u}) {
-    CAPTURE(threads);
-    const Diagram many(mesh, sites.positions, sites.weights, on_threads(threads));
-    REQUIRE(many.fragment_capacity() == one.fragment_capacity());
-    bool same = true;
-    for (Index f = 0; f < one.fragment_capacity() && same; ++f) {
-      const Diagram::Polygon p = one.polygon(f), q = many.polygon(f);
-      same =
-          p.facet == q.facet && p.site == q.site && p.size == q.size && std::equal(p.labels, p.labels + p.size, q.labels) &&
-          std::equal(p.corners, p.corners + p.size, q.corners, [](const Vec3& x, const Vec3& y) { return same_bits(x, y); }) &&
-          one.next_of_site(f) == many.next_of_site(f) && one.next_of_facet(f) == many.next_of_facet(f);
+namespace {
+
+/// Slot by slot: polygons and their bits, bounds, and the order of all lists.
+bool same_slots(const Diagram& one, const Diagram& other) {
+  if (other.fragment_capacity() != one.fragment_capacity() || other.num_sites() != one.num_sites()) return false;
+  for (Index f = 0; f < one.fragment_capacity(); ++f) {
+    if (one.alive(f) != other.alive(f)) return false;
+    if (!one.alive(f)) continue;
+    const Diagram::Polygon p = one.polygon(f), q = other.polygon(f);
+    if (p.facet != q.facet || p.site != q.site || p.size != q.size || !std::equal(p.labels, p.labels + p.size, q.labels) ||
+        !std::equal(p.corners, p.corners + p.size, q.corners, [](const Vec3& x, const Vec3& y) { return same_bits(x, y); }) ||
+        one.next_of_site(f) != other.next_of_site(f) || one.next_of_facet(f) != other.next_of_facet(f) ||
+        one.reach(f) != other.reach(f)) {
+      return false;
     }
-    CHECK(same);
-    CHECK(one.dual_triangles() == many.dual_triangles());
   }
+  for (Index s = 0; s < one.num_sites(); ++s) {
+    if (one.first_of_site(s) != other.first_of_site(s)) return false;
+  }
+  for (Index facet = 0; facet < one.mesh().num_facets(); ++facet) {
+    if (one.first_of_facet(facet) != other.first_of_facet(facet)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+TEST_CASE("power_diagram: any number of threads gives the same diagram, slot by slot") {
+  const Mesh with_copies = [] {
+    Mesh mesh = amps::make_torus(1.0, 0.4, 80, 40);
+    for (Index f = 0; f < rows(mesh.triangles); f += 7) mesh.triangles.row(f) = mesh.triangles.row(0);
+    return mesh;
+  }();
+  const NamedMesh meshes[] = {{"sphere", amps::make_sphere(20000)},
+                              {"two facets", amps::make_square(1)},
+                              {"soup", random_soup(300, 83)},
+                              {"copies of a facet", with_copies}};
+  for (const NamedMesh& model : meshes) {
+    CAPTURE(model.name);
+    for (const double weight : {1e-3, 0.1}) {
+      const Sites sites = random_sites(model.mesh, 3000, weight, 81);
+      const Diagram one(model.mesh, sites.positions, sites.weights, 1);
+      for (const unsigned threads : {2u, 3u, 8u, 0u}) {
+        CAPTURE(threads);
+        const Diagram many(model.mesh, sites.positions, sites.weights, on_threads(threads));
+        CHECK(same_slots(one, many));
+        CHECK(one.dual_triangles() == many.dual_triangles());
+      }
+    }
+  }
+}
+
+TEST_CASE("power_diagram: a copy is edited without the other, and ends as the other does after the same edits") {
+  const Mesh mesh = amps::make_sphere(2000);
+  const Sites sites = random_sites(mesh, 500, 1e-3, 84), pool = random_sites(mesh, 200, 1e-3, 85);
+  Diagram diagram(mesh, sites.positions, sites.weights);
+  const Diagram before(mesh, sites.positions, sites.weights);
+  Diagram copy = diagram;
+  const auto edit = [&](Diagram& edited) {
+    for (Index k = 0; k < pool.size(); ++k) {
+      if (k % 3 == 0) edited.remove(2 * k);
+      edited.insert(pool.at(k), pool.weights[k]);
+    }
+  };
+  edit(copy);
+  CHECK(same_slots(diagram, before));
+  CHECK(broken_law(mesh, copy) == "");
+  edit(diagram);
+  CHECK(same_slots(diagram, copy));
+}
+
+TEST_CASE("power_diagram: the filter of sides is right wherever it is sure, and it is sure of most") {
+  Rng rng(86);
+  int sure = 0, sure_near = 0;
+  const auto random_vector = [&] { return Vec3(rng.uniform() - 0.5, rng.uniform() - 0.5, rng.uniform() - 0.5); };
+  const int trials = 20000;
+  for (int trial = 0; trial < trials; ++trial) {
+    const double size = std::ldexp(1.0, static_cast<int>(below(rng, 40)) - 20);
+    const Vec3 centre = rng.uniform() < 0.5 ? Vec3(Vec3::Zero()) : Vec3(1000 * size * random_vector());
+    const auto site_near = [&] {
+      const Vec3 x = centre + size * random_vector();
+      return WeightedPoint{x.x(), x.y(), x.z(), size * size * 0.1 * rng.uniform()};
+    };
+    const WeightedPoint owner = site_near(), other = site_near();
+    // A point of the bisector, but for rounding and a step across it of a size that varies much.
+    const Vec3 d = other.position() - owner.position(), y = size * random_vector();
+    const double to_bisector = ((d.squaredNorm() + owner.w - other.w) / 2 - d.dot(y)) / d.squaredNorm();
+    const double step = trial % 2 == 0 ? 0.0 : std::ldexp(rng.uniform() - 0.5, -static_cast<int>(below(rng, 60)));
+    const bool is_far = trial % 4 == 1;
+    const Vec3 x = owner.position() + y + (is_far ? Vec3(size * random_vector()) : Vec3((to_bisector + step) * d));
+    const double* const corners[3] = {x.data(), x.data(), x.data()};
+    const int exact = amps::side_of_corner(corners, 0, amps::Bisector(owner, other, corners));
+    const Vec3 relative = x - owner.position();
+    const int side =
+        amps::detail::RelativeFilter(owner.position(), owner.w, other, 0, relative.norm() * (1 + 1e-9)).side(relative);
+    if (side != 0) REQUIRE(side == exact);
+    sure += is_far && side != 0;
+    sure_near += trial % 2 == 0 && side != 0;
+  }
+  CHECK(sure > trials / 4 * 99 / 100);
+  CHECK(sure_near < trials / 4);  // the others are as good as on the bisector
 }
 
 TEST_CASE("power_diagram: dual triangles turn as their facet does and meet at a common power") {
