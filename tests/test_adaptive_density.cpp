@@ -167,18 +167,4 @@ TEST_CASE("adaptive: early darts have density 1/r²") {
   }
 }
 
-TEST_CASE("adaptive: where gaps are filled a stretch at a time, sets are as dense as where they are not") {
-  // Stretches follow the order of facets. The same square with facets in random order has no stretches in space.
-  const Mesh ordered = amps::make_square(96);
-  Rng rng(6);
-  const Mesh disordered = chosen_facets(ordered, shuffled(all_indices(rows(ordered.triangles)), rng));
-  double count[2] = {0, 0};
-  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
-    count[0] += amps::sample(ordered, with_radius(0.006, seed)).samples.size() / 4.0;
-    count[1] += amps::sample(disordered, with_radius(0.006, seed)).samples.size() / 4.0;
-  }
-  CHECK(count[0] > 19000);
-  CHECK(count[0] == doctest::Approx(count[1]).epsilon(0.003));
-}
-
 }  // namespace amps_test

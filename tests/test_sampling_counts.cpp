@@ -325,7 +325,7 @@ TEST_SUITE("slow") {
   }
 
   TEST_CASE("sampling counts: where gaps are filled stretch by stretch") {
-    // 40,000 samples, four stretches: noise of the difference 0.018 %.
+    // 40,000 samples, three stretches: noise of the difference 0.018 %.
     const LinearRadii radii{0.00418, 0};
     const SetsSeen plain = thrown_plainly(radii, 100);
     const NamedMesh input{"two facets", amps::make_square(1)};
