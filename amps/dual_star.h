@@ -66,7 +66,9 @@ class DualRating {
 
 /// The neighbours of a sample in the dual triangulation, where they surround it.
 struct DualStar {
-  static constexpr int kMaxSize = 12;
+  /// Samples beside those of small radii, at curves and folds, have 13 to 20 neighbours: most patches that could not be copied
+  /// were theirs.
+  static constexpr int kMaxSize = 24;
   std::array<Index, kMaxSize> ring;  ///< cyclic
   std::int8_t size = 0;              ///< 0: not a disk, or too large
   bool repeats = false;              ///< the cell meets two others more than once

@@ -66,6 +66,8 @@ bool TrialPatch::add_vertex(const Vec3& x, double weight, int neighbors, bool ra
 bool TrialPatch::add_triangle(int a, int b, int c) {
   if (num_triangles_ == kMaxTriangles) return false;
   append(a, b, c);
+  Triangle& triangle = triangles_[static_cast<std::size_t>(num_triangles_ - 1)];
+  triangle.rating = rate(triangle);                                         // once for all trials
   for (const int v : {a, b, c}) --neighbors_[static_cast<std::size_t>(v)];  // the caller has counted it
   return true;
 }
@@ -90,7 +92,7 @@ void TrialPatch::append(int a, int b, int c) {
   const DualPoint dual = dual_point(position_[ia], weight_[ia], position_[ib], weight_[ib], position_[ic], weight_[ic]);
   t.dual = dual.position;
   t.power = dual.power;
-  t.rating = rating_->triangle(position_[ia], position_[ib], position_[ic]);
+  t.rating = kNotRated;
   for (const std::size_t v : {ia, ib, ic}) ++neighbors_[v];
 }
 
@@ -215,9 +217,17 @@ bool TrialPatch::insert(const Vec3& x, double weight) {
   }
 }
 
+double TrialPatch::rate(const Triangle& triangle) const {
+  const auto& corner = triangle.corner;
+  return rating_->triangle(position_[corner[0]], position_[corner[1]], position_[corner[2]]);
+}
+
 double TrialPatch::energy() const {
   double sum = 0;
-  for (int t = 0; t < num_triangles_; ++t) sum += triangles_[static_cast<std::size_t>(t)].rating;
+  for (int t = 0; t < num_triangles_; ++t) {
+    const Triangle& triangle = triangles_[static_cast<std::size_t>(t)];
+    sum += triangle.rating == kNotRated ? rate(triangle) : triangle.rating;
+  }
   for (int v = 0; v < num_vertices_; ++v) {
     if (rated_[static_cast<std::size_t>(v)]) sum += rating_->valence(neighbors_[static_cast<std::size_t>(v)], false);
   }

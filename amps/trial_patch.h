@@ -55,10 +55,14 @@ class TrialPatch {
   struct Triangle {
     Vec3 dual;
     double power;  ///< of the dual point; > 0: not covered
-    double rating;
+    double
+        rating;  ///< kNotRated where a change has made it: most of these are gone, or have left gaps, before energy() is asked
     std::array<std::uint8_t, 3> corner;
   };
+  static constexpr double kNotRated = -1;
+
   void append(int a, int b, int c);
+  double rate(const Triangle& triangle) const;
   void drop(int t);
   bool fill(const std::uint8_t* ring, int size);
 
