@@ -807,6 +807,10 @@ TEST_CASE("topology_certificate: cells one by one tell what all together do, on 
     CHECK(std::is_sorted(all.failures.begin(), all.failures.end()));
     for (const unsigned threads : {2u, 3u, 8u}) CHECK(certified.certificate(threads).failures == all.failures);
     const amps::detail::TopologyChecker checker(certified.mesh, *certified.flood);
+    amps::detail::TopologySamples known = certified.samples();
+    known.covered = true;  // as maximal sets are
+    CHECK(!fails(all, Kind::kUncovered));
+    CHECK(checker.check(*certified.diagram, known).failures == all.failures);
     amps::detail::TopologyChecker::Scratch scratch;
     std::set<std::array<Index, 4>> found, wanted;
     for (const auto& failure : all.failures) {
