@@ -41,7 +41,9 @@ AMPS_EXPORT SampleFormat sample_format(const std::filesystem::path& path);
 /// Throws Error: kFileNotFound (cannot be opened or read), kFileFormat (unknown extension, cut short, not this format,
 /// a coordinate that is not a finite number, an index out of range, counts larger than the file), kTooLarge (more vertices or
 /// facets than an Index counts). O(file size) time; memory a small multiple of the file. Thread-safe.
-/// Stopped through `execution`, as all functions here can be: kCancelled, and no file is touched. Its threads are not used.
+/// Stopped through `execution`, as all functions here can be: kCancelled, and no file is touched. Its threads read the text of
+/// OBJ, OFF and PLY files with a row to a line, and write meshes of all formats; what is read and written does not depend on
+/// them.
 AMPS_EXPORT Mesh read_mesh(const std::filesystem::path& path, const Execution& execution = {});
 
 /// The same from a stream, read to its end (open it in binary mode), or from memory. `name` stands for the file in errors.

@@ -155,6 +155,12 @@ struct PowerRows {
   }
 };
 
+/// What the first stage of power_test() looks at, for callers with bounds of their set: its sign counts where it is farther
+/// from 0 than StaticBounds::power.
+inline double power_value(const WeightedPoint* const p[4], const WeightedPoint& q) noexcept {
+  return PowerRows(p, q).determinant();
+}
+
 /// Relative bounds of the filters. A computed polynomial differs from the exact one by at most γ_k · Σ|monomials|,
 /// γ_k = k·u/(1 − k·u), with k the largest number of roundings any monomial passes through (Higham 2002, §3.1).
 /// Orientation: 3 differences, 2 products, 1 + 2 sums: k = 8, six monomials. Power, as in PowerRows: differences 3 + 2, square

@@ -242,7 +242,7 @@ class RegularTriangulation {
     if (!here.ghost()) {  // the first stage of the power test, without a branch that depends on its sign
       const WeightedPoint* p[4];
       for (std::size_t k = 0; k < 4; ++k) p[k] = &points_[static_cast<std::size_t>(here.vertex[k])];
-      const double value = detail::PowerRows(p, q).determinant();
+      const double value = detail::power_value(p, q);
       if (std::fabs(value) > bounds_.power) return value > 0;
     }
     return decide_conflict(c, q);
