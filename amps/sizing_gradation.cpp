@@ -37,38 +37,46 @@ class NodeGraph {
   Index node(std::size_t n) const { return node_[n]; }
   Vec3 position(Index node) const { return positions_[slot(node)]; }
 
-  struct Triangle {
-    std::array<double, 3> length;  ///< of the edge opposite to each corner
-    std::array<Index, 3> corner;
+  /// A lattice triangle as one of its nodes sees it: what a turn of the node reads lies together.
+  struct Corner {
+    std::array<Index, 2> other;    ///< the other two, in the order of the facet
+    std::array<double, 2> length;  ///< of the edges to them
+    double opposite;               ///< of the edge between them
   };
-  std::vector<Triangle> triangles;
-  /// Those at each node: `corners_at[begin[node]] … `, as 4·triangle + place in it.
+  /// Those of each node: `corners[begin[node]] … `.
   std::vector<std::size_t> begin;
-  std::vector<std::size_t> corners_at;
+  std::vector<Corner> corners;
+
+  std::array<Index, 3> nodes_of_piece(std::size_t i) const {
+    const Index f = lattice_.simple() ? static_cast<Index>(i) : lattice_.piece_facet[i];
+    const Index* const node = node_.data() + lattice_.node(f);
+    if (lattice_.level(f) == 0) return {node[0], node[1], node[2]};
+    const LatticeTriangle triangle = nth_lattice_triangle(lattice_.k(f), i - lattice_.piece(f));
+    std::array<Index, 3> nodes;
+    for (std::size_t k = 0; k < 3; ++k)
+      nodes[k] = node[lattice_node(lattice_.k(f), triangle.corner[k][0], triangle.corner[k][1])];
+    return nodes;
+  }
 
  private:
   void list_triangles(const Execution& execution) {
-    triangles.resize(lattice_.num_pieces());
-    for_each_index_on_all_threads(triangles.size(), execution.part(0, 0.4), [&](std::size_t t) {
-      auto& [length, corner] = triangles[t];
-      if (const Index f = lattice_.simple() ? static_cast<Index>(t) : lattice_.piece_facet[t]; lattice_.level(f) == 0) {
-        for (std::size_t k = 0; k < 3; ++k) corner[k] = node_[lattice_.node(f) + k];
-      } else {
-        const LatticeTriangle triangle = nth_lattice_triangle(lattice_.k(f), t - lattice_.piece(f));
-        for (std::size_t k = 0; k < 3; ++k)
-          corner[k] = node_[lattice_.node(f) + lattice_node(lattice_.k(f), triangle.corner[k][0], triangle.corner[k][1])];
-      }
-      for (std::size_t k = 0; k < 3; ++k) length[k] = norm(position(corner[(k + 1) % 3]) - position(corner[(k + 2) % 3]));
-    });
     begin.assign(slot(count_) + 1, 0);
-    for_each_index(triangles.size(), execution.part(0.4, 0.6), [&](std::size_t t) {
-      for (const Index v : triangles[t].corner) ++begin[slot(v) + 1];
+    for_each_index(lattice_.num_pieces(), execution.part(0, 0.3), [&](std::size_t i) {
+      for (const Index v : nodes_of_piece(i)) ++begin[slot(v) + 1];
     });
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
-    corners_at.resize(3 * triangles.size());
+    corners.resize(3 * lattice_.num_pieces());
     std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
-    for_each_index(triangles.size(), execution.part(0.6, 1), [&](std::size_t t) {
-      for (std::size_t k = 0; k < 3; ++k) corners_at[next[slot(triangles[t].corner[k])]++] = 4 * t + k;
+    for_each_index(lattice_.num_pieces(), execution.part(0.3, 0.7), [&](std::size_t i) {
+      const std::array<Index, 3> v = nodes_of_piece(i);
+      for (std::size_t k = 0; k < 3; ++k) corners[next[slot(v[k])]++].other = {v[(k + 1) % 3], v[(k + 2) % 3]};
+    });
+    for_each_index_on_all_threads(slot(count_), execution.part(0.7, 1), [&](std::size_t v) {
+      for (std::size_t i = begin[v]; i < begin[v + 1]; ++i) {
+        const Vec3 a = position(corners[i].other[0]), b = position(corners[i].other[1]);
+        corners[i].length = {norm(a - positions_[v]), norm(b - positions_[v])};
+        corners[i].opposite = norm(b - a);
+      }
     });
   }
 
@@ -182,48 +190,53 @@ class GradationRun {
   /// Is `to` too large beside `from`, over an edge of this length?
   bool lowers_along(double from, double to, double length) const { return from + g_ * length < to * (1 - kEdgeStep); }
 
-  /// Corner k of triangle t by the smallest u(x) + g·|x − c| over the inside of the edge opposite, on which u is linear, if
-  /// that is below `now` by more than the step.
-  bool lowers_across(std::size_t t, std::size_t k, double now, Lowered& lowered) const {
-    const std::size_t i = (k + 1) % 3, j = (k + 2) % 3;
-    const Index a = graph_.triangles[t].corner[i], b = graph_.triangles[t].corner[j];
-    const double ua = at(a), ub = at(b);
+  /// A triangle with the node to be lowered last; corners in the order of the facet.
+  struct Across {
+    Index a, b, c;
+    double to_a, to_b, length;  ///< of the edges from c, and from a to b
+  };
+
+  /// c by the smallest u(x) + g·|x − c| over the inside of the edge from a to b, on which u is linear, if that is below `now`
+  /// by more than the step.
+  bool lowers_across(const Across& t, double now, Lowered& lowered) const {
+    const double ua = at(t.a), ub = at(t.b);
     // It falls from both ends towards the inside: its slopes there are (ub − ua)/length ∓ g·cos of the angle at a, b.
-    const double to_a = graph_.triangles[t].length[j], to_b = graph_.triangles[t].length[i],
-                 length = graph_.triangles[t].length[k];
-    const double squares = length * length + (to_a + to_b) * (to_a - to_b);
-    if (!(2 * (ub - ua) * to_a < g_ * squares)) return false;
-    if (!(2 * (ua - ub) * to_b < g_ * (2 * length * length - squares))) return false;
-    const double slope = (ub - ua) / length, rest = g_ * g_ - slope * slope;
+    const double squares = t.length * t.length + (t.to_a + t.to_b) * (t.to_a - t.to_b);
+    if (!(2 * (ub - ua) * t.to_a < g_ * squares)) return false;
+    if (!(2 * (ua - ub) * t.to_b < g_ * (2 * t.length * t.length - squares))) return false;
+    const double slope = (ub - ua) / t.length, rest = g_ * g_ - slope * slope;
     if (!(rest > 0)) return false;
-    const Vec3 pa = graph_.position(a), ac = graph_.position(graph_.triangles[t].corner[k]) - pa;
-    const Vec3 along = (graph_.position(b) - pa) / length;
+    const Vec3 pa = graph_.position(t.a), ac = graph_.position(t.c) - pa;
+    const Vec3 along = (graph_.position(t.b) - pa) / t.length;
     const double foot = dot(along, ac), height = norm(ac - foot * along);
     // d/dx (ua + slope·x + g √((x − foot)² + height²)) = 0.
     const double root = std::sqrt(rest), x = foot - slope * height / root;
-    if (!(x > 0 && x < length)) return false;
+    if (!(x > 0 && x < t.length)) return false;
     lowered.value = ua + slope * foot + height * root;
     if (!(lowered.value < now * (1 - kTriangleStep))) return false;
-    const double ga = radii_.growth[slot(a)], gb = radii_.growth[slot(b)];
-    lowered.growth = ga + x / length * (gb - ga);
+    const double ga = radii_.growth[slot(t.a)], gb = radii_.growth[slot(t.b)];
+    lowered.growth = ga + x / t.length * (gb - ga);
     return true;
   }
 
   /// Nodes that lower others and are not lowered by any: all the rest follows from these, since whatever lowers is smaller.
   void find_first_sources(const Execution& execution) {
-    std::vector<std::atomic<char>> lowers(slot(graph_.size())), is_lowered(slot(graph_.size()));
-    for_each_index_on_all_threads(graph_.triangles.size(), execution.part(0, 0.9), [&](std::size_t t) {
-      const auto note = [&](Index source, Index target) {
-        lowers[slot(source)].store(1, std::memory_order_relaxed);
-        is_lowered[slot(target)].store(1, std::memory_order_relaxed);
-      };
-      for (std::size_t k = 0; k < 3; ++k) {
-        const Index c = graph_.triangles[t].corner[k], a = graph_.triangles[t].corner[(k + 1) % 3],
-                    b = graph_.triangles[t].corner[(k + 2) % 3];
-        const Index low = at(a) < at(b) ? a : b, high = low == a ? b : a;
-        if (lowers_along(at(low), at(high), graph_.triangles[t].length[k])) note(low, high);
-        Lowered lowered;
-        if (at(c) > at(low) && lowers_across(t, k, at(c), lowered)) note(low, c);
+    std::vector<std::atomic<char>> lowers(slot(graph_.size()));
+    std::vector<char> is_lowered(slot(graph_.size()), 0);
+    for_each_index_on_all_threads(slot(graph_.size()), execution.part(0, 0.9), [&](std::size_t n) {
+      const auto c = static_cast<Index>(n);
+      for (std::size_t i = graph_.begin[n]; i < graph_.begin[n + 1]; ++i) {
+        const NodeGraph::Corner& corner = graph_.corners[i];
+        const auto [a, b] = corner.other;
+        const bool by_a = lowers_along(at(a), at(c), corner.length[0]), by_b = lowers_along(at(b), at(c), corner.length[1]);
+        const Index low = at(a) < at(b) ? a : b;
+        Lowered across;
+        const bool by_both =
+            at(c) > at(low) && lowers_across({a, b, c, corner.length[0], corner.length[1], corner.opposite}, at(c), across);
+        if (by_a) lowers[slot(a)].store(1, std::memory_order_relaxed);
+        if (by_b) lowers[slot(b)].store(1, std::memory_order_relaxed);
+        if (by_both) lowers[slot(low)].store(1, std::memory_order_relaxed);
+        if (by_a || by_b || by_both) is_lowered[n] = 1;
       }
     });
     for_each_index(graph_.size(), execution.part(0.9, 1), [&](Index n) {
@@ -236,16 +249,16 @@ class GradationRun {
     const double value = at(node), growth = radii_.growth[slot(node)];
     lowered_.clear();
     for (std::size_t i = graph_.begin[slot(node)]; i < graph_.begin[slot(node) + 1]; ++i) {
-      const std::size_t t = graph_.corners_at[i] / 4, own = graph_.corners_at[i] % 4;
-      for (std::size_t step = 1; step <= 2; ++step) {
-        const std::size_t k = (own + step) % 3, opposite = 3 - own - k;
-        const Index target = graph_.triangles[t].corner[k];
-        const double now = at(target);
-        if (now <= std::min(value, at(graph_.triangles[t].corner[opposite]))) continue;
+      const NodeGraph::Corner& corner = graph_.corners[i];
+      for (std::size_t k = 0; k < 2; ++k) {
+        const Index target = corner.other[k], opposite = corner.other[1 - k];
+        const double now = at(target), to_node = corner.length[k];
+        if (now <= std::min(value, at(opposite))) continue;
         Lowered best{now, 0}, across;
-        if (lowers_along(value, now, graph_.triangles[t].length[opposite]))
-          best = {value + g_ * graph_.triangles[t].length[opposite], growth};
-        if (lowers_across(t, k, best.value, across)) best = across;
+        if (lowers_along(value, now, to_node)) best = {value + g_ * to_node, growth};
+        const Across triangle = k == 0 ? Across{opposite, node, target, corner.opposite, to_node, corner.length[1]}
+                                       : Across{node, opposite, target, to_node, corner.opposite, corner.length[0]};
+        if (lowers_across(triangle, best.value, across)) best = across;
         if (!(best.value < now)) continue;
         radii_.value[slot(target)] = best.value;
         radii_.growth[slot(target)] = best.growth;
@@ -342,7 +355,7 @@ class GradationLimiter {
     for_each_index(lattice_->num_pieces(), execution, [&](std::size_t t) {
       const Index f = lattice_->simple() ? static_cast<Index>(t) : lattice_->piece_facet[t];
       const double k = lattice_->k(f), area = lattice_->areas[slot(f)] / (k * k);
-      for (const Index node : graph_.triangles[t].corner) node_area_[slot(node)] += area / 3;
+      for (const Index node : graph_.nodes_of_piece(t)) node_area_[slot(node)] += area / 3;
     });
   }
 
