@@ -62,17 +62,19 @@ void check_coverage_by_oracle(const Mesh& mesh, const SampleSet& set, double cov
   CHECK(!CoverageOracle(with_radii_times(set, coverage * (1 - 1e-4)), 1e-6).covers(mesh));
 }
 
-/// A maximal set of one radius, edited by hand until it has so many samples.
+/// A maximal set of one radius, optimised or not, edited by hand until it has so many samples.
 struct Counted {
   SampleSet before, set;
   ExactCountReport report;
   Index left = 0;
 };
 
-Counted counted(const Mesh& mesh, double radius, double share,
-                const amps::detail::DualRating& rating = amps::detail::DualRating(false, false, 0, 0)) {
+Counted counted(const Mesh& mesh, double radius, double share, bool optimised = false) {
   Counted result;
-  result.before = result.set = amps::sample(mesh, with_radius(radius)).samples;
+  result.before = amps::sample(mesh, with_radius(radius)).samples;
+  if (optimised) result.before = amps::optimize(mesh, result.before, {}).samples;
+  result.set = result.before;
+  const amps::detail::DualRating rating(optimised, optimised, 35, 105);
   amps::RestrictedPowerDiagram diagram(mesh, result.set.positions, amps::detail::weights_of(result.set.radii));
   std::vector<Index> ids;
   const amps::detail::WantedRadii radii(radius, ConflictRule::kMax);
@@ -156,17 +158,18 @@ TEST_CASE("exact count: likewise where disks know their surface, and where radii
 
 TEST_CASE("exact count: balls of other sheets are seen") {
   Index refills = 0;
-  for (const double distance : {0.02, 0.08}) {
+  for (const double distance : {0.02, 0.08, 0.09, 0.095}) {
     const Mesh mesh = two_sheets(distance);
-    for (const Index count : {150, 399, 801, 1601}) {
-      const SamplingResult result = amps::sample(mesh, exactly(count));
-      CHECK(result.samples.size() == count);
-      refills += result.report.exact_count.refills;
-      CHECK(separation_of_all_pairs(result.samples) >= 1 - 1e-9);
-      CHECK(amps::verify_maximal(mesh, result.samples).maximal());
+    for (const double share : {0.93, 1.07}) {
+      const Counted result = counted(mesh, 0.1, share);
+      CHECK(result.set.size() == result.report.wanted);
+      refills += result.report.refills;
+      CHECK(all_equal(result.set.radii, 0.1));
+      CHECK(separation_of_all_pairs(result.set) >= 1 - 1e-9);
+      CHECK(amps::verify_maximal(mesh, result.set).maximal() == (result.report.taken_out == 0));
     }
   }
-  CHECK(refills > 10);
+  CHECK(refills > 40);
 }
 
 TEST_CASE("exact count: without room for refills, samples are taken out, and the coverage that is left is told") {
@@ -229,7 +232,10 @@ TEST_CASE("exact count: what cannot be met costs nothing") {
   bounds.min_angle = 35;
   bounds.max_angle = 105;
   const Mesh square = amps::make_square();
-  const Counted tried = counted(square, 0.08, 0.41, amps::detail::DualRating(true, true, 35, 105));
+  Counted tried;
+  for (double share = 0.44; tried.report.obstacle == CountObstacle::kNothing; share -= 0.01) {
+    tried = counted(square, 0.08, share, true);
+  }
   CHECK(tried.report.obstacle == CountObstacle::kCoverage);
   CHECK(tried.report.cost == 0);
   CHECK(tried.report.taken_out == 0);
