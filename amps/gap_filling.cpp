@@ -24,6 +24,10 @@ constexpr double kSeparationSlack = 1e-10;
 /// fragments: on a fine mesh so many fragments are the cells of few.
 constexpr std::size_t kSitesAtATime = 8192;
 
+/// So many darts in a row are left out for the density's sake; the next one stays. That is for radii that
+/// grow a thousandfold and more across a gap; elsewhere a few in a row are.
+constexpr int kMostThinned = 4096;
+
 /// Gaps between two looks for a cancel: some milliseconds.
 constexpr Index kGapsPerReport = 256;
 
@@ -177,6 +181,7 @@ GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& e
   const double at_start = limits.execution != nullptr ? total_weight() : 0;
   double done = 0;  // the greatest ρ of what is left of a fragment, by rounding, may rise
   std::uint64_t darts = 0;
+  int thinned = 0;
   for (current_ = 0; has_gaps(); current_ = (current_ + 1) % static_cast<Index>(stretches_.size())) {
     while (stretches_[slot(current_)].gaps.total() > 0) {
       if (limits.execution != nullptr && darts++ % kGapsPerReport == 0) {
@@ -193,8 +198,9 @@ GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& e
       const Stretch& stretch = stretches_[slot(current_)];
       const Index place = stretch.gaps.pick(rng.uniform()), f = stretch.fragment_at[slot(place)];
       Sample sample;
-      switch (throw_darts_into(f, stretch.gaps.weight(place), rng, sample)) {
+      switch (throw_darts_into(f, thinned == kMostThinned ? 0.0 : stretch.gaps.weight(place), rng, sample)) {
         case Dart::kEntered:
+          thinned = 0;
           ++result.samples;
           enter(sample, diagram_.polygon(f).site);
           look_at(diagram_.changed());
@@ -204,6 +210,7 @@ GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& e
           set_weight(f, 0.0);
           break;
         case Dart::kThinned:
+          ++thinned;
           break;
       }
     }
@@ -211,8 +218,8 @@ GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& e
   return result;
 }
 
-/// A dart of uniform density times `weight` becomes one of density ρ by leaving out what is too much: kThinned, and a gap is
-/// chosen anew. kNoRoom: the gap of f holds no double at the wanted distance.
+/// A gap is chosen by `weight`, its area times a bound of ρ, and darts in it are uniform: what is more than ρ is left out, and
+/// a gap chosen anew (kThinned). With weight 0 nothing is. kNoRoom: the gap of f holds no double at the wanted distance.
 GapFiller::Dart GapFiller::throw_darts_into(Index f, double weight, Rng& rng, Sample& sample) {
   const auto polygon = diagram_.polygon(f);
   const double area = gap_.assign(diagram_, polygon);
