@@ -199,6 +199,7 @@ class GradationRun {
   /// c by the smallest u(x) + g·|x − c| over the inside of the edge from a to b, on which u is linear, if that is below `now`
   /// by more than the step.
   bool lowers_across(const Across& t, double now, Lowered& lowered) const {
+    if (!(t.length > 0)) return false;
     const double ua = at(t.a), ub = at(t.b);
     // It falls from both ends towards the inside: its slopes there are (ub − ua)/length ∓ g·cos of the angle at a, b.
     const double squares = t.length * t.length + (t.to_a + t.to_b) * (t.to_a - t.to_b);
@@ -308,6 +309,7 @@ class GradationLimiter {
   /// What is foreseen for another factor, nowhere below the limited field.
   void foresee(double factor_before, double factor, LimitedRadii& radii) const {
     for (std::size_t n = 0; n < smallest_.size(); ++n) {
+      if (std::isinf(radii.growth[n])) continue;  // radii that nothing bounds
       const double highest = factor * smallest_[n];
       radii.value[n] += (factor - factor_before) * radii.growth[n];
       if (radii.value[n] < highest) continue;
@@ -324,19 +326,25 @@ class GradationLimiter {
     return SizingFieldAccess::of_scale(SizingFieldAccess::make(lattice_, std::move(nodes), execution.part(0.96, 1)), scale_);
   }
 
-  /// The change of the factor at which the mean size of disks, 1/√∫dA/r² as foreseen, is `growth` times what it is.
+  /// The change of the factor at which the mean size of disks, 1/√∫dA/r² as foreseen, is `growth` times what it is; infinite
+  /// where that foresees nothing.
   double change_for(double growth, const LimitedRadii& radii, const Execution& execution) const {
     if (node_area_.empty()) spread_areas(execution);
     // Newton's method; the mean size is nearly linear in the factor.
     constexpr int kMaxNewtonSteps = 6;
     double change = 0, wanted = 0;
     for (int step = 0; step < kMaxNewtonSteps; ++step) {
-      double integral = 0, slope = 0;
+      double integral = 0, slope = 0, least = kNothing;
       for_each_index(smallest_.size(), execution, [&](std::size_t n) {
-        const double r = radii.value[n] + change * radii.growth[n], density = node_area_[n] / (r * r);
+        if (std::isinf(radii.growth[n])) return;
+        const double r = radii.value[n] + change * radii.growth[n];
+        least = std::min(least, r);
+        if (!(r > 0)) return;
+        const double density = node_area_[n] / (r * r);
         integral += density;
         slope += density * radii.growth[n] / r;
       });
+      if (!(least > 0 && slope > 0)) return kNothing;
       const double mean = 1 / std::sqrt(integral);
       if (step == 0) wanted = growth * mean;
       const double next = change + (wanted - mean) * integral / (slope * mean);
@@ -347,6 +355,7 @@ class GradationLimiter {
   }
 
  private:
+  static constexpr double kNothing = std::numeric_limits<double>::infinity();
   static constexpr double kEnough = 1e-3;  ///< of a change: what is foreseen is not better
 
   /// A third of the area of each lattice triangle to each of its nodes.

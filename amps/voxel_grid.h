@@ -51,8 +51,8 @@ class VoxelGrid {
   /// All that conflicting_sample() chooses from, in an order that depends on the order of insertion only.
   void list_conflicts(const Vec3& x, double radius, ConflictRule rule, std::vector<Index>& found) const;
 
-  /// The least squared distance, as rounded by squaredNorm(), to a stored sample within about `reach`; +inf or more than
-  /// reach² if there is none.
+  /// The least squared distance, as rounded by squaredNorm(), to a stored sample within about `reach`, at most the grid's
+  /// greatest radius; +inf or more than reach² if there is none.
   double nearest_squared_distance(const Vec3& x, double reach) const;
 
   /// Stores a sample, whether or not it conflicts with others. `id` ≥ 0 is what conflicting_sample returns; ids are

@@ -89,8 +89,9 @@ void check_samples(const Mesh& mesh, const EditableSamples& samples, SampleSet s
     const Index found = samples.disks().grid().conflicting_sample(dart.position(), dart.radius, amps::ConflictRule::kMax);
     CHECK((found != kNone) == conflict);
     if (found != kNone) CHECK(expected.count(found) == 1);
-    const double by_grid = samples.disks().grid().nearest_squared_distance(dart.position(), 2 * radius);
-    if (nearest <= 4 * radius * radius) CHECK(by_grid == nearest);
+    const double reach = 1.5 * radius;  // the greatest radius of the grid
+    const double by_grid = samples.disks().grid().nearest_squared_distance(dart.position(), reach);
+    if (nearest <= reach * reach) CHECK(by_grid == nearest);
   }
   std::vector<Index> ids;
   samples.collect(set, ids);
