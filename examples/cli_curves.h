@@ -4,9 +4,12 @@
 
 #include "amps/amps.h"
 #include "cli_arguments.h"
+#include "cli_commands.h"
 #include "cli_files.h"
+#include "cli_keep.h"
 #include "cli_output.h"
 #include "cli_report.h"
+#include "cli_watch.h"
 
 #include <algorithm>
 #include <array>
@@ -117,4 +120,42 @@ inline void write_graph(const Files& files, const std::string& name, const amps:
   lines.vertices.resize(static_cast<std::ptrdiff_t>(used.size()));
   for (std::size_t i = 0; i < used.size(); ++i) lines.vertices.row(static_cast<std::ptrdiff_t>(i)) = mesh.vertices.row(used[i]);
   files.write(name, lines, writing, execution);
+}
+
+inline int run_curves(const Arguments& arguments) {
+  amps::CurveOptions options = curve_options(arguments);
+  if (arguments.has("--radius") && arguments.has("--vertices")) {
+    throw arguments.error("say either --radius R or --vertices N, not both");
+  }
+  options.radius = arguments.positive("--radius");
+  const auto vertices = static_cast<double>(arguments.whole("--vertices", 0, 1, kMostVertices));
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--keep", Holds::kLines);
+  if (arguments.operands() > 1) files.writes("OUT", arguments.operand(1), Holds::kLines);
+  files.writes("--json", Holds::kOther);
+  files.look();
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, 0.4));
+  keep_marks(arguments, files, mesh, watch.part(0.4, 0.5), options);
+  if (vertices > 0) options.radius = first_radius(mesh, vertices);
+  options.execution = watch.part(0.5, 0.9);
+  const amps::CurveGraph graph = amps::find_curves(mesh, options);
+  const bool writes = arguments.operands() > 1 && !graph.empty();
+  if (writes) write_graph(files, arguments.operand(1), mesh, graph, watch.part(0.9, 1));
+
+  Json json = begin_json("curves");
+  json.add("radius", options.radius);
+  add_graph(json, graph);
+  files.write(json);
+  watch.finish();
+
+  const Table table = files.table();
+  print_graph(table, graph);
+  table.row("radius r", options.radius > 0 ? number(options.radius) : "none: creases of all sizes");
+  if (arguments.operands() > 1) {
+    const std::string out = Files::shown(arguments.operand(1), Files::kOutput);
+    table.row("lines", writes ? "in " + out : "none, " + out + " is not written");
+  }
+  return kExitDone;
 }

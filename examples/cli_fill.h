@@ -2,8 +2,11 @@
 #pragma once
 
 #include "amps/amps.h"
+#include "cli_commands.h"
 #include "cli_files.h"
 #include "cli_output.h"
+#include "cli_report.h"
+#include "cli_watch.h"
 
 #include <algorithm>
 #include <cmath>
@@ -125,4 +128,80 @@ inline void add_foreign(Json& json, const ForeignSet& set) {
       .add("beside_surface", set.beside_it)
       .add("close_pairs", set.close_pairs)
       .add("close_samples", set.close_samples);
+}
+
+inline int run_fill(const Arguments& arguments) {
+  neighborhood_of(arguments, amps::Neighborhood::kSpace);  // refuses other names, before the work
+  amps::SamplingOptions options;
+  options.radius = arguments.positive("--radius");
+  options.seed = arguments.whole("--seed", options.seed, 0, UINT64_MAX);
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  if (arguments.operand(1) != "none") files.reads("SAMPLES", arguments.operand(1), Holds::kSamples);
+  files.writes("OUT", arguments.operand(2), Holds::kSamples);
+  files.writes("--added", Holds::kSamples);
+  files.writes("--json", Holds::kOther);
+  files.look();
+  const bool from_nothing = names_no_samples(files, arguments.operand(1));
+  if (from_nothing && options.radius == 0) {
+    throw arguments.error("there are no samples in " + Files::shown(arguments.operand(1), Files::kInput) +
+                          ": say --radius R for new ones");
+  }
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const amps::Mesh mesh = files.mesh_to_sample(arguments.operand(0), watch.part(0, 0.05));
+  amps::SampleSet before;
+  if (!from_nothing) before = files.samples(arguments.operand(1), watch.part(0.05, 0.1));
+  options.neighborhood =
+      neighborhood_of(arguments, before.dimensions.empty() ? amps::Neighborhood::kSpace : amps::Neighborhood::kSurface);
+  const bool balls = options.neighborhood == amps::Neighborhood::kSpace;
+
+  ForeignSet foreign;
+  amps::MaximalityReport was;
+  if (!from_nothing) {
+    foreign = look_at_set(mesh, before, watch.part(0.1, 0.2));
+    was = amps::verify_maximal(mesh, before, watch.part(0.2, 0.35), options.conflict_rule, options.neighborhood);
+  }
+  options.execution = watch.part(0.35, 0.75);
+  amps::SamplingResult result = from_nothing ? amps::sample(mesh, options) : amps::fill_gaps(mesh, before, options);
+  watch.check(result.status);
+  const amps::SampleSet filled = as_written(std::move(result.samples), before);
+  const amps::MaximalityReport is =
+      amps::verify_maximal(mesh, filled, watch.part(0.75, kWorked), options.conflict_rule, options.neighborhood);
+  const amps::SampleSet added = samples_from(filled, before.size());
+  files.write(arguments.operand(2), filled, watch.part(kWorked, 1));  // once it is in place, the others are written too
+  const bool writes_added = arguments.has("--added") && added.size() > 0;
+  if (writes_added) files.write(arguments.text("--added"), added, {});
+
+  Json json = begin_json("fill");
+  json.add("samples_before", before.size()).add("samples", filled.size()).add("added", added.size());
+  add_radii(json, filled);
+  add_foreign(json, foreign);
+  if (!from_nothing) {
+    json.open("before");
+    add_maximality(json, was);
+    json.close();
+  }
+  add_maximality(json, is);
+  files.write(json);
+  watch.finish();
+
+  const Table table = files.table();
+  table.row("", "before", "after");
+  table.row("samples", number(before.size()), number(filled.size()));
+  table.row("gaps", from_nothing ? "" : number(was.gaps), number(is.gaps));
+  if (!from_nothing) table.row("worst coverage", format("%.6f r", was.worst_coverage), format("%.6f r", is.worst_coverage));
+  table.row("added", number(added.size()) + (before.size() == 0  ? ""
+                                             : added.size() == 0 ? ", the set was maximal"
+                                                                 : ", after the others, which stay as they are"));
+  if (arguments.has("--added")) {
+    const std::string file = Files::shown(arguments.text("--added"), Files::kOutput);
+    table.row("new samples", writes_added ? "in " + file : "none, " + file + " is not written");
+  }
+  print_foreign(table, foreign, balls);
+  print_radii(table, filled);
+  table.row("maximal", is.maximal() ? "yes" : "no");
+  table.row("Poisson-disk", is.poisson_disk() ? "yes" : "no, samples given are nearer than their radii");
+  print_maximality(table, is);
+  print_unfilled(table, result.report);
+  return is.maximal() ? kExitDone : kExitGaps;
 }

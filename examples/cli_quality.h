@@ -3,10 +3,14 @@
 #pragma once
 
 #include "amps/amps.h"
+#include "cli_commands.h"
 #include "cli_curves.h"
+#include "cli_files.h"
 #include "cli_output.h"
 #include "cli_report.h"
+#include "cli_watch.h"
 #include "render_plot.h"
+#include "render_png.h"
 
 #include <algorithm>
 #include <array>
@@ -197,4 +201,46 @@ inline render::Image histograms_of(const amps::QualityReport& report) {
       {{steps("Angles", "degrees", report.angles, 0, bin, 0, 180), ""},
        {steps("Valences of inner vertices", "valence", report.valence, -0.5, 1, kLeastValence, kMostValence), ""}},
       1);
+}
+
+inline int run_quality(const Arguments& arguments) {
+  const double radius = arguments.positive("--radius");
+  if (radius > 0 && arguments.has("--samples")) throw arguments.error("say either --radius R or --samples FILE, not both");
+  amps::CurveOptions finding = curve_options(arguments);
+  finding.radius = radius;
+  finding.creases = finding.creases && arguments.has("--features");
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--samples", Holds::kSamples);
+  files.writes("--png", Holds::kPicture);
+  files.writes("--json", Holds::kOther);
+  files.look();
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, 0.2));
+  std::vector<double> radii;
+  if (radius > 0) radii.push_back(radius);
+  if (arguments.has("--samples")) {
+    radii = files.samples(arguments.text("--samples"), watch.part(0.2, 0.3)).radii;
+    if (static_cast<std::ptrdiff_t>(radii.size()) != mesh.vertices.rows()) {
+      throw arguments.error(
+          std::to_string(radii.size()) + " samples in " + Files::shown(arguments.text("--samples"), Files::kInput) + " for " +
+          std::to_string(mesh.vertices.rows()) + " vertices: take the set that 'amps remesh --samples' wrote beside this mesh");
+    }
+  }
+  const bool marked = !arguments.has("--features") && files.mesh_format(arguments.operand(0), true) == amps::MeshFormat::kObj;
+  std::vector<std::array<amps::Index, 2>> curves;
+  if (marked) curves = files.marks(arguments.operand(0), watch.part(0.3, 0.4)).edges;
+  finding.execution = watch.part(0.4, 0.6);
+  if (curves.empty()) curves = edges_of(amps::find_curves(mesh, finding));
+  const MeasuredQuality measured = measure_quality(mesh, curves, radii, watch.part(0.6, kWorked));
+  if (arguments.has("--png")) {
+    files.write(arguments.text("--png"), render::encode_png(histograms_of(measured.all), watch.part(kWorked, 1)));
+  }
+
+  Json json = begin_json("quality");
+  add_measured(json, measured);
+  files.write(json);
+  watch.finish();
+  print_measured(files.table(), measured);
+  return kExitDone;
 }

@@ -3,10 +3,13 @@
 
 #include "amps/amps.h"
 #include "cli_arguments.h"
+#include "cli_commands.h"
 #include "cli_curves.h"
 #include "cli_files.h"
+#include "cli_watch.h"
 #include "render_looks.h"
 #include "render_mesh.h"
+#include "render_png.h"
 
 #include <string>
 #include <utility>
@@ -109,4 +112,42 @@ inline std::vector<std::pair<render::Rgb, std::string>> legend_of(const RenderRe
   }
   if (added) legend.emplace_back(look::kRed, "added samples");
   return legend;
+}
+
+inline int run_render(const Arguments& arguments) {
+  const RenderRequest request = render_request(arguments);
+  const bool curves = arguments.has("--curves");
+  amps::CurveOptions finding = curve_options(arguments);
+  finding.radius = arguments.positive("--radius");
+  for (const char* name : {"--features", "--radius"}) {
+    if (arguments.has(name) && !curves) throw arguments.error(std::string(name) + " is for curves: say --curves as well");
+  }
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  files.reads("--samples", Holds::kSamples);
+  files.reads("--added", Holds::kSamples);
+  files.writes("OUT", arguments.operand(1), Holds::kPicture);
+  files.look();
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const amps::Mesh mesh = files.usable_mesh(arguments.operand(0), watch.part(0, kRead));
+  amps::SampleSet samples, added;
+  if (request.samples) samples = files.samples(arguments.text("--samples"), watch.part(kRead, 0.04));
+  if (arguments.has("--added")) added = files.samples(arguments.text("--added"), watch.part(0.04, 0.05));
+  std::vector<std::array<amps::Index, 2>> lines;
+  if (curves) {
+    const bool marked = !arguments.has("--features") && files.mesh_format(arguments.operand(0), true) == amps::MeshFormat::kObj;
+    if (marked) lines = files.marks(arguments.operand(0), watch.part(0.05, 0.06)).edges;
+    finding.execution = watch.part(0.06, 0.1);
+    if (lines.empty()) lines = edges_of(amps::find_curves(mesh, finding));
+  }
+  render::Scene scene = scene_of(request, mesh, samples, watch.part(0.1, 0.25));
+  if (request.samples && !arguments.has("--no-dots")) render::add_dots(samples, render::look::kDot, scene.options);
+  if (added.size() > 0) render::add_dots(added, render::look::kRed, scene.options);
+  render::set_curves(mesh, lines, scene);
+  scene.options.execution = watch.part(0.25, 0.6);
+  render::Image image = render::draw(scene.mesh, scene.options);
+  if (arguments.has("--legend")) image = render::with_legend(image, legend_of(request, added.size() > 0));
+  files.write(arguments.operand(1), render::encode_png(image, watch.part(0.6, 1)));
+  watch.finish();
+  return kExitDone;
 }

@@ -3,6 +3,7 @@
 
 #include "amps/amps.h"
 #include "cli_arguments.h"
+#include "cli_commands.h"
 #include "cli_files.h"
 #include "cli_output.h"
 #include "cli_watch.h"
@@ -236,4 +237,31 @@ inline void print_spectrum(const Table& table, const MeasuredSpectrum& measured,
     table.row("far correlation", format("%.4g   (no order: 1)", far_correlation(report)));
     table.row("mean anisotropy", format("%.4g dB   (no direction: 0 dB)", mean_anisotropy(report)));
   }
+}
+
+inline int run_spectrum(const Arguments& arguments) {
+  const SpectrumRequest request = spectrum_request(arguments);
+  Files files(arguments);
+  files.reads("IN", arguments.operand(0), Holds::kMesh);
+  for (std::size_t i = 1; i < arguments.operands(); ++i) files.reads("SAMPLES", arguments.operand(i), Holds::kSamples);
+  files.writes("--csv", Holds::kOther);
+  files.writes("--png", Holds::kPicture);
+  files.writes("--plot", Holds::kPicture);
+  files.writes("--json", Holds::kOther);
+  files.look();
+  Watch watch(arguments.quiet(), threads_of(arguments));
+  const MeasuredSpectrum measured = measure_spectrum(arguments, files, request, watch);
+  std::string png, plot;
+  if (arguments.has("--png")) png = render::encode_png(picture_of(measured), watch.part(kWorked, 0.99));
+  if (arguments.has("--plot")) plot = render::encode_png(plot_of(measured), watch.part(0.99, 1));
+
+  if (arguments.has("--csv")) files.write(arguments.text("--csv"), csv_of(measured));
+  if (arguments.has("--png")) files.write(arguments.text("--png"), png);
+  if (arguments.has("--plot")) files.write(arguments.text("--plot"), plot);
+  Json json = begin_json("spectrum");
+  add_spectrum(json, measured);
+  files.write(json);
+  watch.finish();
+  print_spectrum(files.table(), measured, request);
+  return kExitDone;
 }
