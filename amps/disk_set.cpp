@@ -3,50 +3,14 @@
 
 #include "amps/predicates.h"
 #include "amps/surface_tree.h"
+#include "amps/thread_pool.h"
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
+#include <memory>
 #include <utility>
 
 namespace amps::detail {
-namespace {
-
-/// Memory of floods for pieces of a parallel loop: as many as work at the same time.
-class ScratchPool {
- public:
-  class Loan {
-   public:
-    explicit Loan(ScratchPool& pool) : pool_(pool) {
-      const std::lock_guard<std::mutex> lock(pool_.mutex_);
-      if (pool_.free_.empty()) {
-        pool_.free_.reserve(++pool_.num_lent_);  // so that giving back does not throw
-        scratch_ = std::make_unique<SurfaceFlood::Scratch>();
-      } else {
-        scratch_ = std::move(pool_.free_.back());
-        pool_.free_.pop_back();
-      }
-    }
-    ~Loan() {
-      const std::lock_guard<std::mutex> lock(pool_.mutex_);
-      pool_.free_.push_back(std::move(scratch_));
-    }
-    Loan(const Loan&) = delete;
-    Loan& operator=(const Loan&) = delete;
-    SurfaceFlood::Scratch& operator*() const { return *scratch_; }
-
-   private:
-    ScratchPool& pool_;
-    std::unique_ptr<SurfaceFlood::Scratch> scratch_;
-  };
-
- private:
-  std::mutex mutex_;
-  std::size_t num_lent_ = 0;  ///< at the same time, at most
-  std::vector<std::unique_ptr<SurfaceFlood::Scratch>> free_;
-};
-
-}  // namespace
 
 DiskSet::DiskSet(const Box& box, double min_radius, double max_radius, std::shared_ptr<const SurfaceFlood> flood)
     : grid_(box, min_radius, max_radius),
@@ -221,10 +185,10 @@ void DiskSet::insert_all(const GrowingSet& set, const Execution& execution) {
   // Not of all samples at once: what they reach is kept a second time meanwhile.
   const std::size_t pieces_at_a_time = 8 * slot(static_cast<Index>(execution.workers()));
   std::vector<Reached> reached(pieces_at_a_time);
-  ScratchPool scratches;
+  ScratchPool<SurfaceFlood::Scratch> scratches;
   for_each_piece(n, kSamplesPerPiece * pieces_at_a_time, execution, [&](std::size_t first, std::size_t last) {
     parallel_for(last - first, kSamplesPerPiece, execution, [&](std::size_t begin, std::size_t end) {
-      const ScratchPool::Loan scratch(scratches);
+      const auto scratch = scratches.lend([] { return std::make_unique<SurfaceFlood::Scratch>(); });
       Reached& piece = reached[begin / kSamplesPerPiece];
       piece.facets.clear();
       piece.end.clear();

@@ -3,13 +3,13 @@
 
 #include "amps/mesh_edges.h"
 #include "amps/power_diagram_clipper.h"
+#include "amps/thread_pool.h"
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <utility>
 #include <vector>
 
@@ -26,33 +26,6 @@ double RestrictedPowerDiagram::Polygon::area() const {
 // Construction
 
 namespace detail {
-
-/// Memory that pieces of a parallel loop use one after another: there are as many as work at the same time.
-template <class Scratch>
-class ScratchPool {
- public:
-  template <class Make>
-  std::unique_ptr<Scratch> take(const Make& make) {
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      if (!idle_.empty()) {
-        std::unique_ptr<Scratch> scratch = std::move(idle_.back());
-        idle_.pop_back();
-        return scratch;
-      }
-    }
-    return make();
-  }
-
-  void give_back(std::unique_ptr<Scratch> scratch) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    idle_.push_back(std::move(scratch));
-  }
-
- private:
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<Scratch>> idle_;
-};
 
 /// parallel_for() that reports.
 template <class Body>
@@ -308,7 +281,7 @@ RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes(const Exec
   constexpr std::size_t kSitesPerPiece = 2048, kCellsAhead = 12;
   detail::ScratchPool<std::vector<Index>> pool;
   detail::divide_among_threads(n, kSitesPerPiece, execution.part(0.4, 1), [&](std::size_t begin, std::size_t end) {
-    auto scratch = pool.take([n] { return std::make_unique<std::vector<Index>>(n, kNone); });
+    const auto scratch = pool.lend([n] { return std::make_unique<std::vector<Index>>(n, kNone); });
     Index* const last_seen = scratch->data();
     const Index* const cells = around.cells.data();
     const std::size_t num_listed = around.cells.size();
@@ -330,7 +303,6 @@ RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes(const Exec
       std::sort(first, last, detail::NearerPlane());
       table.of_site[at].count = static_cast<Index>(last - first);
     }
-    pool.give_back(std::move(scratch));
   });
   return table;
 }
@@ -351,11 +323,10 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
     detail::WorkCounter done(clipping, static_cast<std::uint64_t>(fragments));
     detail::ScratchPool<FloodScratch> pool;
     parallel_for(num_facets, facets_per_batch, clipping, [&](std::size_t begin, std::size_t end) {
-      auto scratch = pool.take([this] { return std::make_unique<FloodScratch>(*this); });
+      const auto scratch = pool.lend([this] { return std::make_unique<FloodScratch>(*this); });
       Batch& batch = batches[begin / facets_per_batch];
       batch.done = &done;
       clip_facets(begin, end, owner, planes, *scratch, batch);
-      pool.give_back(std::move(scratch));
     });
   }
   assemble(batches, execution.part(0.85, 1));

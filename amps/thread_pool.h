@@ -4,9 +4,12 @@
 #include "amps/base.h"
 
 #include <condition_variable>
+#include <cstddef>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace amps::detail {
@@ -46,6 +49,49 @@ class ThreadPool {
   unsigned next_ = 0, count_ = 0;  // the numbers of the work that nobody has taken yet: [next_, count_)
   unsigned running_ = 0;           // how many of the pool's threads are at work
   bool closing_ = false;
+};
+
+/// Memory that pieces of a parallel loop use one after another: there are as many as work at the same time.
+template <class Scratch>
+class ScratchPool {
+ public:
+  /// Has one while it lives.
+  class Loan {
+   public:
+    Loan(ScratchPool& pool, std::unique_ptr<Scratch> scratch) : pool_(pool), scratch_(std::move(scratch)) {}
+    ~Loan() {
+      const std::lock_guard<std::mutex> lock(pool_.mutex_);
+      pool_.idle_.push_back(std::move(scratch_));
+    }
+    Loan(const Loan&) = delete;
+    Loan& operator=(const Loan&) = delete;
+    Scratch& operator*() const { return *scratch_; }
+    Scratch* operator->() const { return scratch_.get(); }
+
+   private:
+    ScratchPool& pool_;
+    std::unique_ptr<Scratch> scratch_;
+  };
+
+  /// One that is idle, or a new one: make() returns it.
+  template <class Make>
+  Loan lend(const Make& make) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      if (!idle_.empty()) {
+        std::unique_ptr<Scratch> scratch = std::move(idle_.back());
+        idle_.pop_back();
+        return {*this, std::move(scratch)};
+      }
+      idle_.reserve(++num_made_);  // so that giving back does not throw
+    }
+    return {*this, make()};
+  }
+
+ private:
+  std::mutex mutex_;
+  std::size_t num_made_ = 0;
+  std::vector<std::unique_ptr<Scratch>> idle_;
 };
 
 }  // namespace amps::detail
