@@ -63,9 +63,9 @@ constexpr std::uint64_t kSamplesPerEditAtCrossings = 4;
 /// stretch in random order.
 constexpr Index kIdsPerStretch = 4096;
 /// Items planned before those of the batch before are carried out: with more, more of what was found is out of date.
-constexpr std::size_t kItemsPerBatch = 16;
+constexpr std::size_t kItemsPerBatch = 8;
 /// Items a thread takes at a time.
-constexpr std::size_t kItemsPerTask = 4;
+constexpr std::size_t kItemsPerTask = 2;
 /// Stars a thread reads at a time.
 constexpr std::size_t kStarsPerTask = 1024;
 /// Beside curves much may be out of reach: corners that are too narrow, radii that fall too fast. Optimisation ends where so
@@ -685,18 +685,16 @@ class Optimizer {
   /// so it comes out the same where one thread does all.
   void try_beside(Batch& next, Batch& tried) {
     const std::size_t tasks = (next.count + kItemsPerTask - 1) / kItemsPerTask;
-    while (finders_.size() < tasks) {
-      finders_.push_back(std::make_unique<RefillFinder>(state_.finder()));
-      finders_.back()->look_at(state_.seen);
-    }
     parallel_for(1 + tasks, 1, visiting_, [&](std::size_t begin, std::size_t end) {
       for (std::size_t task = begin; task < end; ++task) {
         if (task == 0) {
           carry_out(tried);
         } else {
+          RefillFinder finder = state_.finder();
+          finder.look_at(state_.seen);
           const std::size_t first = (task - 1) * kItemsPerTask, last = std::min(first + kItemsPerTask, next.count);
           for (std::size_t k = first; k < last; ++k) {
-            next.proposals[k] = finders_[task - 1]->find(next.plans[k], next.rngs[k]);
+            next.proposals[k] = finder.find(next.plans[k], next.rngs[k]);
           }
         }
       }
@@ -774,7 +772,6 @@ class Optimizer {
   OptimizeState state_;
   Refiller refiller_;
   const RefillFinder planner_ = state_.finder();
-  std::vector<std::unique_ptr<RefillFinder>> finders_;  ///< one for each task
   TimeEstimate estimate_;
   double energy_change_then_ = 0, giving_up_ = 0;
   const Index num_given_;
