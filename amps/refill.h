@@ -42,6 +42,10 @@ struct SeenSamples {
     star.resize(samples);
     site.resize(samples);
   }
+  void reserve(std::size_t samples) {
+    star.reserve(samples);
+    site.reserve(samples);
+  }
 };
 
 /// What to try around a bad item: patches to take out, and their cells.
