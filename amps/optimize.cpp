@@ -62,11 +62,12 @@ constexpr std::uint64_t kSamplesPerEditAtCrossings = 4;
 /// Items are visited in stretches of so many ids, which mostly follow a curve in space, so that memory is at hand; in each
 /// stretch in random order.
 constexpr Index kIdsPerStretch = 4096;
-/// Items looked at before what was found is carried out: more are more parallel, and more of it out of date (256: a fifth more
-/// time).
-constexpr std::size_t kItemsPerBatch = 32;
+/// Items planned before those of the batch before are carried out: with more, more of what was found is out of date.
+constexpr std::size_t kItemsPerBatch = 8;
 /// Items a thread takes at a time.
-constexpr std::size_t kItemsPerTask = 8;
+constexpr std::size_t kItemsPerTask = 2;
+/// Room is made for one sample more for so many: ids are used again, and most sets grow by less. (Doubling: 5 MiB at 100k.)
+constexpr std::size_t kSamplesPerRoom = 8;
 /// Stars a thread reads at a time.
 constexpr std::size_t kStarsPerTask = 1024;
 /// Beside curves much may be out of reach: corners that are too narrow, radii that fall too fast. Optimisation ends where so
@@ -122,11 +123,17 @@ struct OptimizeState {
     report.max_angle = max_angle;
     const std::size_t n = slot(samples.size());
     stars.resize(n);
+    seen.reserve(n + n / kSamplesPerRoom);
+    seen.resize(n);
     const Execution reading = execution.part(0.3, 1);
     WorkCounter done(reading, n);
     parallel_for(n, kStarsPerTask, reading, [&](std::size_t begin, std::size_t end) {
       StarReader own(diagram, rating, num_fixed);
-      for (std::size_t s = begin; s < end; ++s) stars.read(own, static_cast<Index>(s));
+      for (std::size_t s = begin; s < end; ++s) {
+        stars.read(own, static_cast<Index>(s));
+        seen.star[s] = stars.star[s];
+        seen.site[s] = diagram.site(static_cast<Index>(s));
+      }
       done.add(end - begin);
     });
   }
@@ -142,7 +149,9 @@ struct OptimizeState {
   const WantedRadii radii;
   const std::unique_ptr<DiskSet> balls;
   EditableSamples samples;
-  DualStars stars;  ///< of `samples`, up to date between edits
+  DualStars stars;            ///< of `samples`, up to date between edits
+  SeenSamples seen;           ///< the same for trials, up to date where trials begin
+  std::vector<Index> unseen;  ///< samples whose star may be another one than seen
   Rng rng;
   OptimizeReport report;
 
@@ -158,6 +167,17 @@ struct OptimizeState {
       if ((p == item.b && q == item.c) || (p == item.c && q == item.b)) return true;
     }
     return star.size == 0;
+  }
+
+  /// Brings `seen` up to date. Not beside trials.
+  void see_changes() {
+    seen.resize(slot(samples.size()));
+    for (const Index s : unseen) {
+      if (!samples.alive(s)) continue;
+      seen.star[slot(s)] = stars.star[slot(s)];
+      seen.site[slot(s)] = diagram.site(s);
+    }
+    unseen.clear();
   }
 
   RefillFinder finder() const { return {diagram, stars, rating, radii, options.refills, num_fixed}; }
@@ -200,20 +220,20 @@ class Refiller {
     grow();
   }
 
-  /// Proposals made from now on may rely on the present state.
-  void begin_batch() { ++batch_; }
+  /// The present state, for carry_out() to compare with.
+  std::uint64_t time() const { return time_; }
 
-  /// What was proposed in this batch for a bad item, unless an edit since then has changed what it relies on.
-  void carry_out(const BadItem& item, const Proposal& proposal) {
+  /// What was proposed for a bad item at that time, unless an edit since then has changed what it relies on.
+  void carry_out(const BadItem& item, const Proposal& proposal, std::uint64_t planned_at) {
     OptimizeReport& report = state_.report;
     report.trials += proposal.trials;
     if (proposal.kind == Proposal::Kind::kNothing) return;
     if (proposal.kind == Proposal::Kind::kInPlace || copies_mislead_[slot(item.a)]) {
-      if (state_.is_current(item) && !changed(item.a)) refill_in_place(item, Accept::kBetter);
+      if (state_.is_current(item) && !changed_since(planned_at, item.a)) refill_in_place(item, Accept::kBetter);
       return;
     }
     for (const Index s : proposal.seen) {
-      if (changed(s)) return;
+      if (changed_since(planned_at, s)) return;
     }
     SampleEdit edit(state_.samples, proposal.removed);
     if (!state_.samples.are_apart(proposal.added, state_.radii.rule())) {  // some disk of another sheet
@@ -272,18 +292,21 @@ class Refiller {
 
   void undo(EditSeries& series) {
     energy_change_of_all_ -= series.energy_change;
-    for (const Index s : SampleEdit::undo_all(state_.samples, series.changes)) state_.stars.read(state_.reader, s);
+    for (const Index s : SampleEdit::undo_all(state_.samples, series.changes)) {
+      state_.stars.read(state_.reader, s);
+      state_.unseen.push_back(s);
+    }
   }
 
  private:
   Index num_samples() const { return state_.diagram.num_sites() - state_.diagram.num_removed(); }
 
-  bool changed(Index s) const { return changed_in_[slot(s)] == batch_; }
+  bool changed_since(std::uint64_t time, Index s) const { return changed_at_[slot(s)] > time; }
 
   void grow() {
     const std::size_t n = slot(state_.samples.size());
     state_.stars.resize(n);
-    changed_in_.resize(n, 0);
+    changed_at_.resize(n, 0);
     copies_mislead_.resize(n, 0);
   }
 
@@ -381,11 +404,13 @@ class Refiller {
   /// What energy_change() was last asked of.
   void keep(SampleEdit& edit) {
     ++state_.report.accepted;
+    ++time_;
     SampleChange change = edit.keep();
     grow();
+    state_.unseen.insert(state_.unseen.end(), change.affected.begin(), change.affected.end());
     for (std::size_t k = 0; k < change.affected.size(); ++k) {
       const std::size_t s = slot(change.affected[k]);
-      changed_in_[s] = batch_;
+      changed_at_[s] = time_;
       copies_mislead_[s] = 0;
       state_.stars.energy[s] = new_stars_.energy[k];
       state_.stars.star[s] = new_stars_.star[k];
@@ -399,8 +424,9 @@ class Refiller {
   OptimizeState& state_;
   GapFiller filler_;
   const Index num_given_ = num_samples();
-  std::uint64_t batch_ = 0, edits_in_place_ = 0;
-  std::vector<std::uint64_t> changed_in_;  ///< the batch that changed a sample's star last
+  std::uint64_t time_ = 0;  ///< edits kept so far
+  std::uint64_t edits_in_place_ = 0;
+  std::vector<std::uint64_t> changed_at_;  ///< the time after the edit that changed a sample's star last
   std::vector<char> copies_mislead_;       ///< by sample: the diagram has shown a refill to be less than a copy promised
   EditSeries* series_ = nullptr;
   double energy_change_ = 0, energy_change_of_all_ = 0;
@@ -571,7 +597,9 @@ class Optimizer {
     state_.report.iterations.pop_back();
     for (Index s = 0; s < state_.samples.size(); ++s) {
       if (slot(s) % kEntriesPerLook == 0) visiting_.report(0);
-      if (state_.samples.alive(s) && state_.stars.star[slot(s)].size == 0) state_.stars.read(state_.reader, s);
+      if (!state_.samples.alive(s) || state_.stars.star[slot(s)].size != 0) continue;
+      state_.stars.read(state_.reader, s);
+      state_.unseen.push_back(s);
     }
   }
 
@@ -609,30 +637,79 @@ class Optimizer {
     return items;
   }
 
+  /// Items under way: first planned, then tried, then carried out.
+  struct Batch {
+    const BadItem* items = nullptr;
+    std::size_t count = 0;
+    std::vector<RefillPlan> plans;
+    std::vector<Rng> rngs;
+    std::vector<Proposal> proposals;
+    std::uint64_t planned_at = 0;
+  };
+
   /// Visits items that are sorted by their first corner, in another order.
   void visit(std::vector<BadItem>& items) {
+    Batch tried, next;
     for (std::size_t begin = 0, end; begin < items.size(); begin = end) {
       for (end = begin + 1; end < items.size() && items[end].a / kIdsPerStretch == items[begin].a / kIdsPerStretch;) ++end;
       for (std::size_t k = end - begin; k > 1; --k) std::swap(items[begin + k - 1], items[begin + state_.rng.below(k)]);
       for (std::size_t first = begin; first < end; first += kItemsPerBatch) {
         report_progress();
-        visit_batch(items.data() + first, std::min(kItemsPerBatch, end - first));
+        next.items = items.data() + first;
+        next.count = std::min(kItemsPerBatch, end - first);
+        plan(next);
+        try_beside(next, tried);
+        std::swap(tried, next);
       }
+    }
+    next.count = 0;
+    try_beside(next, tried);
+  }
+
+  void plan(Batch& batch) {
+    const std::uint64_t seed = state_.rng.next();
+    state_.see_changes();
+    batch.planned_at = refiller_.time();
+    batch.plans.resize(std::max(batch.plans.size(), batch.count));
+    batch.rngs.clear();
+    batch.proposals.assign(batch.count, Proposal());
+    for (std::size_t k = 0; k < batch.count; ++k) {
+      Rng rng(scramble(seed + k));
+      if (state_.is_current(batch.items[k])) {
+        planner_.plan(batch.items[k], rng, batch.plans[k]);
+      } else {
+        batch.plans[k].clear();
+      }
+      batch.rngs.push_back(rng);
     }
   }
 
-  /// Looks at items in parallel, and does what is proposed, in order.
-  void visit_batch(const BadItem* items, std::size_t count) {
-    const std::uint64_t seed = state_.rng.next();
-    refiller_.begin_batch();
-    std::vector<Proposal> proposals(count);
-    parallel_for(count, kItemsPerTask, visiting_, [&](std::size_t begin, std::size_t end) {
-      RefillFinder finder = state_.finder();
-      for (std::size_t k = begin; k < end; ++k) {
-        if (state_.is_current(items[k])) proposals[k] = finder.find(items[k], Rng(scramble(seed + k)));
+  /// Carries out what was proposed for one batch, in order, while others make the trials of the next, which see nothing of it:
+  /// so it comes out the same where one thread does all.
+  void try_beside(Batch& next, Batch& tried) {
+    const std::size_t tasks = (next.count + kItemsPerTask - 1) / kItemsPerTask;
+    parallel_for(1 + tasks, 1, visiting_, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t task = begin; task < end; ++task) {
+        if (task == 0) {
+          carry_out(tried);
+        } else {
+          RefillFinder finder = state_.finder();
+          finder.look_at(state_.seen);
+          const std::size_t first = (task - 1) * kItemsPerTask, last = std::min(first + kItemsPerTask, next.count);
+          for (std::size_t k = first; k < last; ++k) {
+            next.proposals[k] = finder.find(next.plans[k], next.rngs[k]);
+          }
+        }
       }
     });
-    for (std::size_t k = 0; k < count; ++k) refiller_.carry_out(items[k], proposals[k]);
+  }
+
+  /// Between edits a cancel ends it.
+  void carry_out(const Batch& batch) {
+    for (std::size_t k = 0; k < batch.count; ++k) {
+      visiting_.check();
+      refiller_.carry_out(batch.items[k], batch.proposals[k], batch.planned_at);
+    }
   }
 
   /// Between edits: a cancel ends it here.
@@ -667,9 +744,8 @@ class Optimizer {
       const std::size_t edits = series.changes.size();
       for (const BadItem& bad : bad_items_of(series)) {
         if (!state_.is_current(bad)) continue;
-        refiller_.begin_batch();
         const Proposal proposal = finder.find(bad, Rng(state_.rng.next()));
-        refiller_.carry_out(bad, proposal);
+        refiller_.carry_out(bad, proposal, refiller_.time());
       }
       if (series.changes.size() == edits) break;
     }
@@ -698,6 +774,7 @@ class Optimizer {
   Execution visiting_;
   OptimizeState state_;
   Refiller refiller_;
+  const RefillFinder planner_ = state_.finder();
   TimeEstimate estimate_;
   double energy_change_then_ = 0, giving_up_ = 0;
   const Index num_given_;

@@ -35,39 +35,58 @@ void NearbyDisks::add(const Vec3& x, double weight) {
   weight_[size_++] = weight;
 }
 
-Proposal RefillFinder::find(const BadItem& item, Rng rng) {
-  proposal_ = Proposal();
-  bool copied = true;
-  of_count_ = false;
-  best_gain_ = kMinGain;
-  all_good_ = false;
+void RefillFinder::plan(const BadItem& item, Rng& rng, RefillPlan& plan) const {
+  plan.clear();
   std::array<Index, 3> corner;
   const std::size_t corners = corners_to_move(item, rng, corner);
   for (std::size_t k = corners; k > 1; --k) std::swap(corner[k - 1], corner[rng.below(k)]);
   // Small patches first: they cost least to try and to carry out.
-  for (std::size_t k = 0; k < corners && !all_good_; ++k) {
-    removed_.assign(1, corner[k]);
-    copied = try_patch(rng) && copied;
-  }
-  if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
+  plan.num_singles = corners;
+  RefillPlan::Patch patch;
   for (std::size_t k = 0; k < corners; ++k) {
-    removed_.assign(1, corner[k]);
-    if (corners == 3) {
-      removed_.push_back(corner[(k + 1) % 3]);
-    } else {
-      add_random_neighbor(rng);
-    }
-    copied = try_patch(rng) && copied;
-    if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
+    patch.size = 0;
+    patch.add(corner[k]);
+    plan.patches.push_back(patch);
   }
-  if (corners == 0) return std::move(proposal_);
-  removed_.assign(corner.begin(), corner.begin() + static_cast<std::ptrdiff_t>(corners));
-  const int neighbors = corners == 1 || rng.below(2) == 0 ? 2 : 0;
-  for (int k = 0; k < neighbors; ++k) add_random_neighbor(rng);
-  copied = try_patch(rng) && copied;
-  if (proposal_.kind == Proposal::Kind::kRefill) return std::move(proposal_);
-  if (!copied) proposal_.kind = Proposal::Kind::kInPlace;
+  for (std::size_t k = 0; k < corners; ++k) {
+    patch.size = 0;
+    patch.add(corner[k]);
+    if (corners == 3) {
+      patch.add(corner[(k + 1) % 3]);
+    } else {
+      add_random_neighbor(patch, rng);
+    }
+    plan.patches.push_back(patch);
+  }
+  if (corners > 0) {
+    patch.size = 0;
+    for (std::size_t k = 0; k < corners; ++k) patch.add(corner[k]);
+    const int neighbors = corners == 1 || rng.below(2) == 0 ? 2 : 0;
+    for (int k = 0; k < neighbors; ++k) add_random_neighbor(patch, rng);
+    plan.patches.push_back(patch);
+  }
+  add_cells(plan);
+}
+
+Proposal RefillFinder::find(const RefillPlan& plan, Rng rng) {
+  proposal_ = Proposal();
+  of_count_ = false;
+  best_gain_ = kMinGain;
+  all_good_ = false;
+  bool copied = true;
+  for (std::size_t k = 0; k < plan.patches.size(); ++k) {
+    const bool single = k < plan.num_singles;
+    if (single && all_good_) continue;
+    if (!single && proposal_.kind == Proposal::Kind::kRefill) break;
+    copied = try_patch(plan, plan.patches[k], rng) && copied;
+  }
+  if (proposal_.kind != Proposal::Kind::kRefill && !copied) proposal_.kind = Proposal::Kind::kInPlace;
   return std::move(proposal_);
+}
+
+Proposal RefillFinder::find(const BadItem& item, Rng rng) {
+  plan(item, rng, plan_);
+  return find(plan_, rng);
 }
 
 Proposal RefillFinder::find_of_count(Index s, int change, int patch_size, double most, Rng rng) {
@@ -76,10 +95,14 @@ Proposal RefillFinder::find_of_count(Index s, int change, int patch_size, double
   count_change_ = change;
   best_gain_ = -most;
   all_good_ = false;
-  removed_.assign(1, s);
-  for (int k = 1; k < patch_size; ++k) add_random_neighbor(rng);
-  if (static_cast<int>(removed_.size()) + change < 1) return std::move(proposal_);
-  if (!try_patch(rng)) proposal_.kind = Proposal::Kind::kInPlace;
+  RefillPlan::Patch patch;
+  patch.add(s);
+  for (int k = 1; k < patch_size; ++k) add_random_neighbor(patch, rng);
+  if (static_cast<int>(patch.size) + change < 1) return std::move(proposal_);
+  plan_.clear();
+  plan_.patches.push_back(patch);
+  add_cells(plan_);
+  if (!try_patch(plan_, patch, rng)) proposal_.kind = Proposal::Kind::kInPlace;
   return std::move(proposal_);
 }
 
@@ -102,23 +125,42 @@ std::size_t RefillFinder::corners_to_move(const BadItem& item, Rng& rng, std::ar
   return count;
 }
 
-void RefillFinder::add_random_neighbor(Rng& rng) {
-  const DualStar& star = stars_.star[slot(removed_[rng.below(removed_.size())])];
+void RefillFinder::add_random_neighbor(RefillPlan::Patch& patch, Rng& rng) const {
+  const DualStar& star = stars_.star[slot(patch.removed[rng.below(patch.size)])];
   if (star.size == 0) return;
   const Index s = star.ring[rng.below(static_cast<std::uint64_t>(star.size))];
-  if (s >= num_fixed_ && std::find(removed_.begin(), removed_.end(), s) == removed_.end()) removed_.push_back(s);
+  if (s >= num_fixed_ && !patch.has(s) && patch.size < RefillPlan::kMaxPatchSize) patch.add(s);
 }
 
-/// Several refills of the gap that removed_ leave; the best becomes the proposal if it is an improvement. False if the patch
-/// cannot be copied.
-bool RefillFinder::try_patch(Rng& rng) {
+/// The cells of all samples of the plan as triangles. Samples without a star have patches that cannot be copied.
+void RefillFinder::add_cells(RefillPlan& plan) const {
+  for (const RefillPlan::Patch& patch : plan.patches) {
+    for (const Index s : patch) {
+      const auto is_of_s = [s](const RefillPlan::Cell& cell) { return cell.sample == s; };
+      if (stars_.star[slot(s)].size == 0 || std::any_of(plan.cells.begin(), plan.cells.end(), is_of_s)) continue;
+      for (Index f = diagram_.first_of_site(s); f != kNone; f = diagram_.next_of_site(f)) {
+        const auto polygon = diagram_.polygon(f);
+        for (Index k = 2; k < polygon.size; ++k) {
+          const Vec3 u = polygon.corners[k - 1] - polygon.corners[0], v = polygon.corners[k] - polygon.corners[0];
+          plan.pieces.push_back({polygon.facet, polygon.corners[0], u, v});
+        }
+      }
+      plan.cells.push_back({s, plan.pieces.size()});
+    }
+  }
+}
+
+/// Several refills of the gap that a patch of the plan leaves; the best becomes the proposal if it is an improvement. False if
+/// the patch cannot be copied.
+bool RefillFinder::try_patch(const RefillPlan& plan, const RefillPlan::Patch& patch, Rng& rng) {
+  removed_.assign(patch.begin(), patch.end());
   if (!copy_patch()) return false;
   const double per_sample = of_count_ ? 0 : kEnergyPerSample;
   const double before = patch_.energy() + per_sample * static_cast<double>(removed_.size());
   for (std::size_t k = 0; k < removed_.size(); ++k) {
     if (!patch_.remove(static_cast<int>(k))) return true;
   }
-  fill_pool(rng);
+  fill_pool(plan, rng);
   bool improved = false;
   double best = -best_gain_;
   for (int refill = 0; refill < refills_ && !pool_.empty() && !all_good_; ++refill) {
@@ -147,8 +189,8 @@ int RefillFinder::local(Index s) {
     if (ids_[k] == s) return static_cast<int>(k);
   }
   ids_.push_back(s);
-  const WeightedPoint& p = diagram_.site(s);
-  const int size = stars_.star[slot(s)].size;
+  const WeightedPoint& p = site(s);
+  const int size = star(s).size;
   return patch_.add_vertex(p.position(), p.w, size, size > 0) ? static_cast<int>(ids_.size()) - 1 : -1;
 }
 
@@ -158,19 +200,19 @@ bool RefillFinder::copy_patch() {
   ids_.clear();
   for (const Index s : removed_) local(s);
   for (const Index s : removed_) {
-    const DualStar& star = stars_.star[slot(s)];
-    if (star.size == 0) return false;
-    for (int k = 0; k < star.size; ++k) {
-      if (local(star.ring[static_cast<std::size_t>(k)]) < 0) return false;
+    const DualStar& around = star(s);
+    if (around.size == 0) return false;
+    for (int k = 0; k < around.size; ++k) {
+      if (local(around.ring[static_cast<std::size_t>(k)]) < 0) return false;
     }
   }
   const std::size_t inner = ids_.size();
   for (std::size_t v = 0; v < inner; ++v) {
-    const DualStar star = stars_.star[slot(ids_[v])];
-    if (star.size == 0) return false;
-    int before = local(star.ring[static_cast<std::size_t>(star.size - 1)]);
-    for (int k = 0; k < star.size; ++k) {
-      const int at = local(star.ring[static_cast<std::size_t>(k)]);
+    const DualStar around = star(ids_[v]);
+    if (around.size == 0) return false;
+    int before = local(around.ring[static_cast<std::size_t>(around.size - 1)]);
+    for (int k = 0; k < around.size; ++k) {
+      const int at = local(around.ring[static_cast<std::size_t>(k)]);
       if (before < 0 || at < 0) return false;
       // Once: from the first of its corners.
       const auto earlier = [&](int u) { return static_cast<std::size_t>(u) < v; };
@@ -182,19 +224,18 @@ bool RefillFinder::copy_patch() {
   return true;
 }
 
-/// The cells of removed_ as triangles.
-void RefillFinder::list_pieces() {
+/// The triangles of the cells of removed_.
+void RefillFinder::list_pieces(const RefillPlan& plan) {
   pieces_.clear();
   up_to_.clear();
   double total = 0;
   for (const Index s : removed_) {
-    for (Index f = diagram_.first_of_site(s); f != kNone; f = diagram_.next_of_site(f)) {
-      const auto polygon = diagram_.polygon(f);
-      for (Index k = 2; k < polygon.size; ++k) {
-        const Vec3 u = polygon.corners[k - 1] - polygon.corners[0], v = polygon.corners[k] - polygon.corners[0];
-        pieces_.push_back({polygon.facet, polygon.corners[0], u, v});
-        up_to_.push_back(total += norm(u.cross(v)));
-      }
+    std::size_t begin = 0, cell = 0;
+    while (plan.cells[cell].sample != s) begin = plan.cells[cell++].end;
+    for (std::size_t k = begin; k < plan.cells[cell].end; ++k) {
+      const RefillPlan::Piece& piece = plan.pieces[k];
+      pieces_.push_back(piece);
+      up_to_.push_back(total += norm(piece.u.cross(piece.v)));
     }
   }
 }
@@ -212,9 +253,9 @@ std::size_t RefillFinder::piece_at(double area) const {
 }
 
 /// Uniform darts where removed_ had their cells, outside of all other balls: only there can a gap be.
-void RefillFinder::fill_pool(Rng& rng) {
+void RefillFinder::fill_pool(const RefillPlan& plan, Rng& rng) {
   pool_.clear();
-  list_pieces();
+  list_pieces(plan);
   const double total = up_to_.empty() ? 0 : up_to_.back();
   if (!(total > 0)) return;
   others_.assign(patch_, static_cast<int>(removed_.size()));
@@ -222,7 +263,7 @@ void RefillFinder::fill_pool(Rng& rng) {
   const int max_darts = kPoolDartsPerSample * static_cast<int>(removed_.size());
   for (int dart = 0; dart < max_darts && pool_.size() < max_size; ++dart) {
     const double u = rng.uniform() * total;
-    const Piece& piece = pieces_[piece_at(u)];
+    const RefillPlan::Piece& piece = pieces_[piece_at(u)];
     double along_u = rng.uniform(), along_v = rng.uniform();
     const bool other_half = along_u + along_v > 1;  // of the parallelogram
     along_u = other_half ? 1 - along_u : along_u;

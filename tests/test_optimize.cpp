@@ -203,7 +203,7 @@ TEST_CASE("optimize: the same bits for any number of threads, other bits for ano
     OptimizeOptions options = options_for(set, 20);
     options.seed = 7;
     const OptimizeResult first = optimized(set, options);
-    for (const unsigned threads : {1u, 2u, 3u, 0u}) {
+    for (const unsigned threads : {1u, 2u, 3u, 8u, 0u}) {
       CAPTURE(threads);
       run_on(options, threads);
       const OptimizeResult again = optimized(set, options);
