@@ -108,15 +108,8 @@ void GapFiller::look_at_all(const Execution& execution) {
   });
   const std::vector<Index> order = curve_order(positions, execution.part(0.05, 0.25));
   // Gaps are found in the order of the diagram's memory, and entered in that of the curve.
-  const auto n = slot(diagram_.fragment_capacity());
-  std::vector<double> weights(n, 0.0);
-  constexpr std::size_t kFragmentsPerPiece = 4096;
-  for_each_piece(n, kFragmentsPerPiece, execution.part(0.25, 0.85), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) {
-      if (diagram_.alive(static_cast<Index>(f))) weights[f] = gap_weight(static_cast<Index>(f));
-    }
-  });
-  const std::size_t num_stretches = std::max<std::size_t>(1, order.size() / kSitesAtATime);
+  std::vector<double> weights = all_weights(execution.part(0.25, 0.85));
+  const std::size_t n = weights.size(), num_stretches = std::max<std::size_t>(1, order.size() / kSitesAtATime);
   stretches_.resize(num_stretches);
   for_each_piece(order.size(), kElementsPerLook, execution.part(0.85, 0.95), [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
@@ -132,6 +125,22 @@ void GapFiller::look_at_all(const Execution& execution) {
       if (weights[f] > 0) set_weight(static_cast<Index>(f), weights[f]);
     }
   });
+}
+
+/// By slot of a fragment.
+std::vector<double> GapFiller::all_weights(const Execution& execution) const {
+  const auto n = slot(diagram_.fragment_capacity());
+  std::vector<double> weights(n, 0.0);
+  WorkCounter counter(execution, n);
+  constexpr std::size_t kFragmentsPerPiece = 4096;
+  parallel_for(n, kFragmentsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
+    FragmentGap gap;
+    for (std::size_t f = begin; f < end; ++f) {
+      if (diagram_.alive(static_cast<Index>(f))) weights[f] = gap_weight(static_cast<Index>(f), gap);
+    }
+    counter.add(end - begin);
+  });
+  return weights;
 }
 
 void GapFiller::look_at(const std::vector<Index>& fragments) {
@@ -150,12 +159,12 @@ void GapFiller::forget() {
   current_ = 0;
 }
 
-/// Of the gap of f: its area, times the greatest density there.
-double GapFiller::gap_weight(Index f) {
+/// Of the gap of f: its area, times the greatest density there. `gap` is scratch.
+double GapFiller::gap_weight(Index f, FragmentGap& gap) const {
   if (!diagram_.alive(f) || surely_covered(f)) return 0;
   const auto polygon = diagram_.polygon(f);
-  const double area = gap_.assign(diagram_, polygon);
-  return area > 0 ? area * greatest_density(polygon.facet) : 0;
+  const double area = gap.assign(diagram_, polygon);
+  return area > 0 ? area * greatest_density(polygon.facet, gap) : 0;
 }
 
 bool GapFiller::surely_covered(Index f) const {
@@ -167,11 +176,11 @@ bool GapFiller::surely_covered(Index f) const {
 
 /// The greatest ρ in the gap, in units of its greatest value on the surface: that at a corner of the gap, exactly so where the
 /// field is linear. Above the square of rounding, so that no gap goes unseen.
-double GapFiller::greatest_density(Index facet) {
+double GapFiller::greatest_density(Index facet, const FragmentGap& gap) const {
   if (radii_.one_density()) return 1;
   double greatest = 0;
-  for (std::size_t k = 0; k < gap_.num_corners(); ++k) {
-    greatest = std::max(greatest, radii_.relative_density(surface_point_below(diagram_.mesh(), facet, gap_.corner(k))));
+  for (std::size_t k = 0; k < gap.num_corners(); ++k) {
+    greatest = std::max(greatest, radii_.relative_density(surface_point_below(diagram_.mesh(), facet, gap.corner(k))));
   }
   return greatest;
 }

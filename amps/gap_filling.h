@@ -74,7 +74,8 @@ class GapFiller {
   GapFiller(const RestrictedPowerDiagram& diagram, const DiskSet& disks, const WantedRadii& radii)
       : diagram_(diagram), disks_(disks), radii_(radii) {}
 
-  /// O(n log n), with nothing looked at before. Cancelled, it throws Error(kCancelled).
+  /// O(n log n), with nothing looked at before. Gaps are found on the threads of `execution`. Cancelled, it throws
+  /// Error(kCancelled).
   void look_at_all(const Execution& execution = {});
   /// Slots of fragments, alive or not, in any order. O(log n) each.
   void look_at(const std::vector<Index>& fragments);
@@ -97,12 +98,13 @@ class GapFiller {
   };
   enum class Dart { kEntered, kThinned, kNoRoom };
 
-  double gap_weight(Index f);
+  std::vector<double> all_weights(const Execution& execution) const;
+  double gap_weight(Index f, FragmentGap& gap) const;
   void set_weight(Index f, double weight);
-  void refresh(Index f) { set_weight(f, gap_weight(f)); }
+  void refresh(Index f) { set_weight(f, gap_weight(f, gap_)); }
   double total_weight() const;
   bool surely_covered(Index f) const;
-  double greatest_density(Index facet);
+  double greatest_density(Index facet, const FragmentGap& gap) const;
   Dart throw_darts_into(Index f, double weight, Rng& rng, Sample& sample);
   bool is_free(const SurfacePoint& at, const RestrictedPowerDiagram::Polygon& polygon, double slack) const;
 
