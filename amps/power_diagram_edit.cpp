@@ -118,6 +118,7 @@ void RestrictedPowerDiagram::insert_together(const std::vector<WeightedPoint>& s
   AMPS_ASSERT(status_ != Outcome::kCancelled && reach_lists_ == nullptr && near.size() == sites.size());
   changed_.clear();
   changed_sites_.clear();
+  const bool alone = execution.workers() == 1;
   std::vector<NewCell> apart, others;
   const std::uint32_t stamp = new_stamp();
   stamp_.resize(slot(triangulation_.num_vertices()) + sites.size(), 0);
@@ -134,11 +135,13 @@ void RestrictedPowerDiagram::insert_together(const std::vector<WeightedPoint>& s
       if (v >= kSentinels && std::exchange(stamp_[slot(v)], stamp) == stamp) is_apart = false;
     }
     stamp_[slot(cell.site + kSentinels)] = stamp;
-    (is_apart ? apart : others).push_back(std::move(cell));
+    if (is_apart && alone) {  // while what is around is in the cache
+      take_cell(cell.site, cell.around);
+    } else {
+      (is_apart ? apart : others).push_back(std::move(cell));
+    }
   }
-  if (execution.workers() == 1) {
-    for (const NewCell& cell : apart) take_cell(cell.site, cell.around);
-  } else {
+  if (!apart.empty()) {
     constexpr std::size_t kCellsPerPiece = 4;
     parallel_for(apart.size(), kCellsPerPiece, execution.without_progress(), [&](std::size_t begin, std::size_t end) {
       Clipper clipper(*this);
