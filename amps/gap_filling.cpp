@@ -28,6 +28,11 @@ constexpr std::size_t kSitesAtATime = 8192;
 /// grow a thousandfold and more across a gap; elsewhere a few in a row are.
 constexpr int kMostThinned = 4096;
 
+/// Samples are entered together up to so many, of as many gaps in the stretch for each, so that few darts meet a sample of
+/// their own batch: the more, the more can be found side by side, and the more of them are near each other.
+constexpr Index kMostTogether = 64;
+constexpr Index kGapsPerSample = 8;
+
 /// Gaps between two looks for a cancel: some milliseconds.
 constexpr Index kGapsPerReport = 256;
 
@@ -91,7 +96,10 @@ void GapFiller::set_weight(Index f, double weight) {
     place = {current_, static_cast<Index>(stretch.fragment_at.size())};
     stretch.fragment_at.push_back(f);
   }
-  if (place.at != kNone) stretches_[slot(place.stretch)].gaps.set(place.at, weight);
+  if (place.at == kNone) return;
+  Stretch& stretch = stretches_[slot(place.stretch)];
+  stretch.num_gaps += static_cast<Index>(has_gap) - static_cast<Index>(stretch.gaps.weight(place.at) > 0);
+  stretch.gaps.set(place.at, weight);
 }
 
 void GapFiller::look_at_all(const Execution& execution) {
@@ -108,15 +116,8 @@ void GapFiller::look_at_all(const Execution& execution) {
   });
   const std::vector<Index> order = curve_order(positions, execution.part(0.05, 0.25));
   // Gaps are found in the order of the diagram's memory, and entered in that of the curve.
-  const auto n = slot(diagram_.fragment_capacity());
-  std::vector<double> weights(n, 0.0);
-  constexpr std::size_t kFragmentsPerPiece = 4096;
-  for_each_piece(n, kFragmentsPerPiece, execution.part(0.25, 0.85), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) {
-      if (diagram_.alive(static_cast<Index>(f))) weights[f] = gap_weight(static_cast<Index>(f));
-    }
-  });
-  const std::size_t num_stretches = std::max<std::size_t>(1, order.size() / kSitesAtATime);
+  std::vector<double> weights = all_weights(execution.part(0.25, 0.85));
+  const std::size_t n = weights.size(), num_stretches = std::max<std::size_t>(1, order.size() / kSitesAtATime);
   stretches_.resize(num_stretches);
   for_each_piece(order.size(), kElementsPerLook, execution.part(0.85, 0.95), [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
@@ -134,6 +135,22 @@ void GapFiller::look_at_all(const Execution& execution) {
   });
 }
 
+/// By slot of a fragment.
+std::vector<double> GapFiller::all_weights(const Execution& execution) const {
+  const auto n = slot(diagram_.fragment_capacity());
+  std::vector<double> weights(n, 0.0);
+  WorkCounter counter(execution, n);
+  constexpr std::size_t kFragmentsPerPiece = 4096;
+  parallel_for(n, kFragmentsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
+    FragmentGap gap;
+    for (std::size_t f = begin; f < end; ++f) {
+      if (diagram_.alive(static_cast<Index>(f))) weights[f] = gap_weight(static_cast<Index>(f), gap);
+    }
+    counter.add(end - begin);
+  });
+  return weights;
+}
+
 void GapFiller::look_at(const std::vector<Index>& fragments) {
   for (const Index f : fragments) refresh(f);
 }
@@ -145,17 +162,18 @@ void GapFiller::forget() {
       place_of_[slot(stretch.fragment_at[at])] = {};
     }
     stretch.fragment_at.clear();
+    stretch.num_gaps = 0;
   }
   stretches_.resize(1);
   current_ = 0;
 }
 
-/// Of the gap of f: its area, times the greatest density there.
-double GapFiller::gap_weight(Index f) {
+/// Of the gap of f: its area, times the greatest density there. `gap` is scratch.
+double GapFiller::gap_weight(Index f, FragmentGap& gap) const {
   if (!diagram_.alive(f) || surely_covered(f)) return 0;
   const auto polygon = diagram_.polygon(f);
-  const double area = gap_.assign(diagram_, polygon);
-  return area > 0 ? area * greatest_density(polygon.facet) : 0;
+  const double area = gap.assign(diagram_, polygon);
+  return area > 0 ? area * greatest_density(polygon.facet, gap) : 0;
 }
 
 bool GapFiller::surely_covered(Index f) const {
@@ -167,59 +185,73 @@ bool GapFiller::surely_covered(Index f) const {
 
 /// The greatest ρ in the gap, in units of its greatest value on the surface: that at a corner of the gap, exactly so where the
 /// field is linear. Above the square of rounding, so that no gap goes unseen.
-double GapFiller::greatest_density(Index facet) {
+double GapFiller::greatest_density(Index facet, const FragmentGap& gap) const {
   if (radii_.one_density()) return 1;
   double greatest = 0;
-  for (std::size_t k = 0; k < gap_.num_corners(); ++k) {
-    greatest = std::max(greatest, radii_.relative_density(surface_point_below(diagram_.mesh(), facet, gap_.corner(k))));
+  for (std::size_t k = 0; k < gap.num_corners(); ++k) {
+    greatest = std::max(greatest, radii_.relative_density(surface_point_below(diagram_.mesh(), facet, gap.corner(k))));
   }
   return greatest;
 }
 
-GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& enter) {
+/// Without enter_sites, `enter` enters samples into the diagram, one at a time.
+GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& enter, const EnterSites* enter_sites) {
   GapFilling result;
   const double at_start = limits.execution != nullptr ? total_weight() : 0;
   double done = 0;  // the greatest ρ of what is left of a fragment, by rounding, may rise
   std::uint64_t darts = 0;
   int thinned = 0;
+  std::vector<WeightedPoint> sites;
+  std::vector<Index> near;
   for (current_ = 0; has_gaps(); current_ = (current_ + 1) % static_cast<Index>(stretches_.size())) {
-    while (stretches_[slot(current_)].gaps.total() > 0) {
-      if (limits.execution != nullptr && darts++ % kGapsPerReport == 0) {
-        done = std::max(done, 1 - std::min(1.0, total_weight() / at_start));
-        if (!completes([&] { limits.execution->report(done); })) {
-          result.end = GapFilling::End::kCancelled;
-          return result;
+    const Stretch& stretch = stretches_[slot(current_)];
+    while (stretch.gaps.total() > 0) {
+      const Index together =
+          enter_sites != nullptr ? std::clamp<Index>(stretch.num_gaps / kGapsPerSample, 1, kMostTogether) : Index{1};
+      sites.clear();
+      near.clear();
+      for (Index k = 0; k < together && stretch.gaps.total() > 0; ++k) {
+        if (limits.execution != nullptr && darts++ % kGapsPerReport == 0) {
+          done = std::max(done, 1 - std::min(1.0, total_weight() / at_start));
+          if (!completes([&] { limits.execution->report(done); })) result.end = GapFilling::End::kCancelled;
+        }
+        if (result.samples == limits.max_samples) result.end = GapFilling::End::kGaveUp;
+        if (result.end != GapFilling::End::kFilled) break;
+        const Index place = stretch.gaps.pick(rng.uniform()), f = stretch.fragment_at[slot(place)];
+        Sample sample;
+        switch (throw_darts_into(f, thinned == kMostThinned ? 0.0 : stretch.gaps.weight(place), rng, sample)) {
+          case Dart::kStays:
+            thinned = 0;
+            ++result.samples;
+            near.push_back(diagram_.polygon(f).site);
+            sites.push_back(
+                {sample.position().x(), sample.position().y(), sample.position().z(), sample.radius * sample.radius});
+            enter(sample, near.back());
+            break;
+          case Dart::kNoRoom:
+            ++result.unfilled;
+            set_weight(f, 0.0);
+            break;
+          case Dart::kThinned:
+            ++thinned;
+            break;
+          case Dart::kTaken:
+            break;
         }
       }
-      if (result.samples == limits.max_samples) {
-        result.end = GapFilling::End::kGaveUp;
-        return result;
+      if (!sites.empty()) {
+        if (enter_sites != nullptr) (*enter_sites)(sites, near);
+        look_at(diagram_.changed());
       }
-      const Stretch& stretch = stretches_[slot(current_)];
-      const Index place = stretch.gaps.pick(rng.uniform()), f = stretch.fragment_at[slot(place)];
-      Sample sample;
-      switch (throw_darts_into(f, thinned == kMostThinned ? 0.0 : stretch.gaps.weight(place), rng, sample)) {
-        case Dart::kEntered:
-          thinned = 0;
-          ++result.samples;
-          enter(sample, diagram_.polygon(f).site);
-          look_at(diagram_.changed());
-          break;
-        case Dart::kNoRoom:
-          ++result.unfilled;
-          set_weight(f, 0.0);
-          break;
-        case Dart::kThinned:
-          ++thinned;
-          break;
-      }
+      if (result.end != GapFilling::End::kFilled) return result;
     }
   }
   return result;
 }
 
 /// A gap is chosen by `weight`, its area times a bound of ρ, and darts in it are uniform: what is more than ρ is left out, and
-/// a gap chosen anew (kThinned). With weight 0 nothing is. kNoRoom: the gap of f holds no double at the wanted distance.
+/// a gap chosen anew (kThinned). With weight 0 nothing is. kTaken: a sample that is in the
+/// disks, not in the diagram yet, covers the dart. kNoRoom: the gap of f holds no double at the wanted distance.
 GapFiller::Dart GapFiller::throw_darts_into(Index f, double weight, Rng& rng, Sample& sample) {
   const auto polygon = diagram_.polygon(f);
   const double area = gap_.assign(diagram_, polygon);
@@ -227,17 +259,19 @@ GapFiller::Dart GapFiller::throw_darts_into(Index f, double weight, Rng& rng, Sa
     sample.at = surface_point_below(diagram_.mesh(), polygon.facet, gap_.sample(rng));
     if (!sample.position().allFinite()) continue;
     if (!radii_.one_density() && rng.uniform() * weight >= area * radii_.relative_density(sample.at)) return Dart::kThinned;
-    if (!is_free(sample.at, polygon, dart + 1 == kGapDarts ? kSeparationSlack : 0.0)) continue;
+    const Index covers = disks_.covering_sample(sample.at);
+    if (covers >= diagram_.num_sites()) return Dart::kTaken;
+    if (!is_free(sample.at, covers, polygon, dart + 1 == kGapDarts ? kSeparationSlack : 0.0)) continue;
     sample.radius = disks_.lowered_radius(sample.at, radii_.at(sample.at), radii_);
-    return Dart::kEntered;
+    return Dart::kStays;
   }
   return Dart::kNoRoom;
 }
 
 /// Rounding may move a point of the gap into a ball: the doubles themselves are tested, exactly unless slack is given. (A gap
-/// lies in no ball, whatever the conflict rule.)
-bool GapFiller::is_free(const SurfacePoint& at, const RestrictedPowerDiagram::Polygon& polygon, double slack) const {
-  const Index covers = disks_.covering_sample(at);
+/// lies in no ball, whatever the conflict rule.) `covers`: a sample that covers it, if any.
+bool GapFiller::is_free(const SurfacePoint& at, Index covers, const RestrictedPowerDiagram::Polygon& polygon,
+                        double slack) const {
   if (covers == kNone) return true;
   if (slack == 0) return false;
   const double shrink = (1 - slack) * (1 - slack);

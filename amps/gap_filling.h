@@ -69,12 +69,16 @@ class GapFiller {
   /// to undo it all takes notes. `near`: a site close to it. The filler looks at the diagram's changed() afterwards.
   using Enter = std::function<void(const Sample& sample, Index near)>;
 
+  /// Enters samples that are in the disks by now into the diagram, as RestrictedPowerDiagram::insert_together() does.
+  using EnterSites = std::function<void(const std::vector<WeightedPoint>& sites, const std::vector<Index>& near)>;
+
   /// All must outlive it. The disks are the sites of the diagram that are not removed, with radii whose rounded squares are
   /// their weights.
   GapFiller(const RestrictedPowerDiagram& diagram, const DiskSet& disks, const WantedRadii& radii)
       : diagram_(diagram), disks_(disks), radii_(radii) {}
 
-  /// O(n log n), with nothing looked at before. Cancelled, it throws Error(kCancelled).
+  /// O(n log n), with nothing looked at before. Gaps are found on the threads of `execution`. Cancelled, it throws
+  /// Error(kCancelled).
   void look_at_all(const Execution& execution = {});
   /// Slots of fragments, alive or not, in any order. O(log n) each.
   void look_at(const std::vector<Index>& fragments);
@@ -83,28 +87,43 @@ class GapFiller {
 
   bool has_gaps() const;
   /// Darts into the gaps of what was looked at, and of what changes meanwhile.
-  GapFilling fill(Rng& rng, const GapFillLimits& limits, const Enter& enter);
+  GapFilling fill(Rng& rng, const GapFillLimits& limits, const Enter& enter) { return fill(rng, limits, enter, nullptr); }
+  /// By the same law, with several samples at a time entered into the diagram: `enter` enters a sample into everything else.
+  /// Darts are thrown into the gaps as they were before those, and one that lies in a disk of these is left out. Requires
+  /// can_fill_together().
+  GapFilling fill_together(Rng& rng, const GapFillLimits& limits, const Enter& enter, const EnterSites& enter_sites) {
+    return fill(rng, limits, enter, &enter_sites);
+  }
+  /// Does no sample that it enters hide another in the diagram? By the max rule, and with equal radii, no centre lies in
+  /// another disk, and so each in its own cell; disks that know their surface may reach over a centre on another sheet.
+  bool can_fill_together() const {
+    return !disks_.knows_surface() && (radii_.uniform() || radii_.rule() == ConflictRule::kMax);
+  }
 
  private:
   /// Gaps among which one is chosen.
   struct Stretch {
     SumTree gaps;                    ///< by place: area × greatest ρ of the gap of a fragment
     std::vector<Index> fragment_at;  ///< by place
+    Index num_gaps = 0;
   };
   /// Where a fragment is that has or had a gap.
   struct Place {
     Index stretch = kNone, at = kNone;
   };
-  enum class Dart { kEntered, kThinned, kNoRoom };
+  enum class Dart { kStays, kThinned, kTaken, kNoRoom };
 
-  double gap_weight(Index f);
+  GapFilling fill(Rng& rng, const GapFillLimits& limits, const Enter& enter, const EnterSites* enter_sites);
+
+  std::vector<double> all_weights(const Execution& execution) const;
+  double gap_weight(Index f, FragmentGap& gap) const;
   void set_weight(Index f, double weight);
-  void refresh(Index f) { set_weight(f, gap_weight(f)); }
+  void refresh(Index f) { set_weight(f, gap_weight(f, gap_)); }
   double total_weight() const;
   bool surely_covered(Index f) const;
-  double greatest_density(Index facet);
+  double greatest_density(Index facet, const FragmentGap& gap) const;
   Dart throw_darts_into(Index f, double weight, Rng& rng, Sample& sample);
-  bool is_free(const SurfacePoint& at, const RestrictedPowerDiagram::Polygon& polygon, double slack) const;
+  bool is_free(const SurfacePoint& at, Index covers, const RestrictedPowerDiagram::Polygon& polygon, double slack) const;
 
   const RestrictedPowerDiagram& diagram_;
   const DiskSet& disks_;

@@ -571,19 +571,25 @@ void RestrictedPowerDiagram::link(Index f) {
 }
 
 void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper) {
-  const Index size = clipper.size();
+  store_polygon(fragment, clipper.corners(), clipper.labels().begin(), clipper.size());
+}
+
+void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size) {
   if (size != fragment.size) {
     if (fragment.size != 0) polygons_.release(fragment.room, std::exchange(fragment.size, 0));
     fragment.room = polygons_.allocate(size);
     fragment.size = size;
   }
-  Vec3* const corners = polygons_.corners(fragment.room);
-  std::copy_n(clipper.corners(), size, corners);
-  std::copy(clipper.labels().begin(), clipper.labels().end(), polygons_.labels(fragment.room));
+  std::copy_n(corners, size, polygons_.corners(fragment.room));
+  std::copy_n(labels, size, polygons_.labels(fragment.room));
   bound(fragment, corners);
 }
 
 void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper) {
+  add_fragment(facet, site, clipper.corners(), clipper.labels().begin(), clipper.size());
+}
+
+void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size) {
   Index f;
   if (free_fragments_.empty()) {
     f = static_cast<Index>(fragments_.size());
@@ -594,7 +600,7 @@ void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper
   }
   fragments_[slot(f)].facet = facet;
   fragments_[slot(f)].site = site;
-  store_polygon(fragments_[slot(f)], clipper);
+  store_polygon(fragments_[slot(f)], corners, labels, size);
   link(f);
   ++num_fragments_;
   changed_.push_back(f);

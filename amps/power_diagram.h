@@ -119,6 +119,13 @@ class RestrictedPowerDiagram {
   /// (kNone: anywhere). Expected O(1) with a good hint on Poisson-disk-like sets. Throws Error(kInvalidArgument) if not finite.
   AMPS_EXPORT Index insert(const Vec3& position, double weight, Index near = kNone);
 
+  /// Inserts sites at once, over disks that are balls, for gap filling; their ids are num_sites(), … in order. near[k]: a site
+  /// close to the k-th that is there already. The fragments are those of one insert() after the other; their slots, too, are
+  /// the same for any number of threads, which find cells that are not near each other side by side. Requires that none hides
+  /// another site or is hidden, and finite coordinates.
+  AMPS_EXPORT void insert_together(const std::vector<WeightedPoint>& sites, const std::vector<Index>& near,
+                                   const Execution& execution);
+
   /// Removes a site, visible or not: its neighbours, and sites that it has hidden, share its fragments. The diagram is then
   /// that of the other sites alone, bit by bit; what has a fragment in none of the facets that it had one in stays untouched.
   /// Other ids stay valid, and this one is not given out again but by reinsert(). Expected O(1) on Poisson-disk-like sets.
@@ -207,6 +214,22 @@ class RestrictedPowerDiagram {
     std::vector<FacetsOfSite> lists;  ///< of neighbours, as they were when each was first asked for
   };
 
+  /// What a new site takes, found before any of it is stored.
+  struct NewCell {
+    struct Cut {
+      Index fragment, site, size;  ///< size: of what is left of it
+    };
+    struct Piece {
+      Index facet, size;
+    };
+    Index site = kNone;
+    std::vector<Index> around;  ///< the neighbours of the site
+    std::vector<Cut> cuts;      ///< grouped by site
+    std::vector<Piece> pieces;
+    std::vector<Vec3> corners;  ///< of what is left by the cuts, and of the pieces
+    std::vector<Index> labels;
+  };
+
   /// A neighbour and a lower bound of where its bisector crosses the ray from the owner towards it, in distance from the owner.
   struct Plane {
     double offset;
@@ -257,7 +280,9 @@ class RestrictedPowerDiagram {
   int exact_power_at_corner(const Polygon& polygon, Index k) const;
   void link(Index f);
   void add_fragment(Index facet, Index site, const Clipper& clipper);
+  void add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size);
   void store_polygon(Fragment& fragment, const Clipper& clipper);
+  void store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size);
   static void bound(Fragment& fragment, const Vec3* corner);
   void free_fragment(Index f);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
@@ -268,6 +293,9 @@ class RestrictedPowerDiagram {
   std::vector<Index> link_of(Index s);
   Index hint_cell(Index near) const;
   void take_cell(Index s, const std::vector<Index>& around);
+  std::vector<Index> find_touched(Index s, const std::vector<Index>& around, std::vector<Plane>& planes) const;
+  void find_cell(Clipper& clipper, NewCell& cell) const;
+  void store_cell(const NewCell& cell);
   void retake_cell(Index s);
   void add_uncovered(std::vector<Index>& candidates);
   void divide_cell(Index s, const std::vector<Index>& candidates);

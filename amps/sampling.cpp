@@ -371,12 +371,25 @@ std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task, cons
   const Execution throwing = filling.part(kLookShare, 1);
   GapFillLimits limits;
   limits.execution = &throwing;
-  const GapFilling filled = filler.fill(task.rng, limits, [&](const Sample& sample, Index near) {
+  const auto enter = [&](const Sample& sample) {
     diagram->compact(throwing);
     task.add(sample);
     ++task.report.gap_samples;
-    diagram->insert(sample.position(), sample.radius * sample.radius, near);
-  });
+  };
+  const auto fill = [&] {
+    if (!filler.can_fill_together()) {
+      return filler.fill(task.rng, limits, [&](const Sample& sample, Index near) {
+        enter(sample);
+        diagram->insert(sample.position(), sample.radius * sample.radius, near);
+      });
+    }
+    return filler.fill_together(
+        task.rng, limits, [&](const Sample& sample, Index) { enter(sample); },
+        [&](const std::vector<WeightedPoint>& sites, const std::vector<Index>& near) {
+          diagram->insert_together(sites, near, throwing);
+        });
+  };
+  const GapFilling filled = fill();
   task.report.unfilled_gaps += filled.unfilled;
   if (filled.end == GapFilling::End::kCancelled) task.status = Outcome::kCancelled;
   task.report.seconds_gaps += watch.lap();

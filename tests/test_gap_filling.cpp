@@ -10,8 +10,11 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <set>
+#include <tuple>
 #include <vector>
 
 namespace amps_test {
@@ -304,6 +307,55 @@ TEST_CASE("gap_filling: a whole surface can be filled from a diagram with remove
   const amps::MaximalityReport certificate = amps::verify_maximal(mesh, set.finish());
   CHECK(certificate.maximal());
   CHECK(certificate.poisson_disk());
+}
+
+TEST_CASE("gap_filling: sites inserted together divide the surface as one after the other, on any number of threads") {
+  using Piece = std::tuple<Index, Index, std::vector<std::array<double, 3>>>;
+  const auto pieces_of = [](const RestrictedPowerDiagram& diagram, bool sorted) {
+    std::vector<Piece> pieces;
+    for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+      if (!diagram.alive(f)) continue;
+      const auto polygon = diagram.polygon(f);
+      std::vector<std::array<double, 3>> corners;
+      for (Index k = 0; k < polygon.size; ++k)
+        corners.push_back({polygon.corners[k].x(), polygon.corners[k].y(), polygon.corners[k].z()});
+      if (sorted) std::sort(corners.begin(), corners.end());
+      pieces.emplace_back(polygon.facet, polygon.site, corners);
+    }
+    if (sorted) std::sort(pieces.begin(), pieces.end());
+    return pieces;
+  };
+  const Mesh mesh = amps::make_sphere(5120);
+  amps::SamplingOptions options;
+  options.radius = 0.06;
+  const SampleSet set = amps::sample(mesh, options).samples;
+  constexpr Index kLast = 200;  // the first ones are there, some of these are neighbours
+  const Index first = set.size() - kLast;
+  const std::vector<double> weights = squared(set.radii);
+  const amps::PointsView old(set.positions.data(), first);
+  std::vector<amps::WeightedPoint> sites;
+  std::vector<Index> near;
+  for (Index s = first; s < set.size(); ++s) {
+    sites.push_back({set.positions(s, 0), set.positions(s, 1), set.positions(s, 2), set.radii[at(s)] * set.radii[at(s)]});
+    near.push_back(s % first);
+  }
+  RestrictedPowerDiagram one_by_one(mesh, old, amps::ValuesView(weights.data(), first), on_threads(1));
+  std::set<Index> changed_sites;
+  for (std::size_t k = 0; k < sites.size(); ++k) {
+    one_by_one.insert(sites[k].position(), sites[k].w, near[k]);
+    changed_sites.insert(one_by_one.changed_sites().begin(), one_by_one.changed_sites().end());
+  }
+  std::vector<Piece> on_one_thread;
+  for (const unsigned threads : {1u, 2u, 3u}) {
+    CAPTURE(threads);
+    RestrictedPowerDiagram together(mesh, old, amps::ValuesView(weights.data(), first), on_threads(threads));
+    together.insert_together(sites, near, on_threads(threads));
+    CHECK(together.check() == "");
+    CHECK(pieces_of(together, true) == pieces_of(one_by_one, true));
+    CHECK(std::set<Index>(together.changed_sites().begin(), together.changed_sites().end()) == changed_sites);
+    if (threads == 1) on_one_thread = pieces_of(together, false);
+    CHECK(pieces_of(together, false) == on_one_thread);
+  }
 }
 
 }  // namespace amps_test
