@@ -45,6 +45,12 @@ void RegularTriangulation::insert_all(const PointsView& positions, const ValuesV
   run.finish();
 }
 
+void RegularTriangulation::reserve(std::size_t num_points) {
+  points_.reserve(num_points);
+  state_.reserve(num_points);
+  vertex_cell_.reserve(num_points);
+}
+
 void RegularTriangulation::append_points(const PointsView& positions, const ValuesView* weights, const Execution* execution) {
   detail::require_exact_arithmetic();
   const std::ptrdiff_t n = positions.rows();
@@ -477,7 +483,10 @@ void RegularTriangulation::collect_boundary(Workspace& work) const {
 
 /// A new stamp for work.local: what other insertions left there is void.
 std::uint32_t RegularTriangulation::next_stamp(Workspace& work) const {
-  if (work.local.size() < points_.size() + 2) work.local.resize(points_.size() + 2, 0);
+  if (work.local.size() < points_.size() + 2) {
+    work.local.reserve(points_.capacity() + 2);
+    work.local.resize(points_.size() + 2, 0);
+  }
   work.stamp += kStampStep;
   if (work.stamp == 0) {  // after 2^24 stamps
     std::fill(work.local.begin(), work.local.end(), 0);

@@ -119,6 +119,9 @@ class RegularTriangulation {
   /// throws Error(kCancelled), and the triangulation is empty then: what it held before is gone too.
   AMPS_EXPORT void insert(const PointsView& positions, const ValuesView& weights, const Execution& execution = {});
 
+  /// Makes room for so many points in all, so that those inserted one by one move no memory.
+  AMPS_EXPORT void reserve(std::size_t num_points);
+
   /// Inserts one point and returns its id. `hint`: a cell near it (kNone: the last one touched).
   AMPS_EXPORT Index insert(const Vec3& position, double weight, Index hint = kNone);
 
