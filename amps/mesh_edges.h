@@ -167,9 +167,7 @@ class SurfaceEdges {
   std::size_t size() const { return edges_.size(); }
   MeshEdge operator[](std::size_t e) const { return edges_[e]; }
   /// The edge of side k of a facet that counts.
-  std::size_t edge(Index facet, int k) const {
-    return slot(edge_of_side_[3 * slot(facet) + static_cast<std::size_t>(k)]);
-  }
+  std::size_t edge(Index facet, int k) const { return slot(edge_of_side_[3 * slot(facet) + static_cast<std::size_t>(k)]); }
 
  private:
   struct Parts {
