@@ -30,6 +30,7 @@ void DiskSet::clear(const Box& box, double min_radius, double max_radius) {
   samples_.clear();
   stored_.clear();
   num_samples_ = 0;
+  has_room_ = false;
 }
 
 /// Does the disk of a sample whose ball holds x hold it? It does where it reaches a facet at x.
@@ -168,12 +169,26 @@ void DiskSet::insert(const Sample& sample, Index id) {
   lists_->add(id, flooded_);
 }
 
+/// Once so many of all samples are in, what those to come will take is foreseen by them.
+void DiskSet::make_room(std::size_t num_stored, std::size_t total) {
+  constexpr std::size_t kForeseeingPart = 8;
+  if (has_room_ || kForeseeingPart * num_stored < total) return;
+  has_room_ = true;
+  const std::size_t expected = room_for_more(total);
+  grid_.reserve(static_cast<double>(expected) / static_cast<double>(num_stored));
+  if (!knows_surface()) return;
+  samples_.reserve(expected);
+  stored_.reserve(expected);
+  lists_->reserve(expected);
+}
+
 void DiskSet::insert_all(const GrowingSet& set, const Execution& execution) {
   constexpr std::size_t kSamplesPerPiece = 1024;
   const std::size_t n = slot(set.size());
   if (!knows_surface() || execution.workers() == 1) {
     for_each_piece(n, kSamplesPerPiece, execution, [&](std::size_t begin, std::size_t end) {
       for (std::size_t s = begin; s < end; ++s) insert(set[static_cast<Index>(s)], static_cast<Index>(s));
+      make_room(end, n);
     });
     return;
   }
@@ -208,6 +223,7 @@ void DiskSet::insert_all(const GrowingSet& set, const Execution& execution) {
       store(set[static_cast<Index>(s)], static_cast<Index>(s));
       lists_->add(static_cast<Index>(s), flooded_);
     }
+    make_room(last, n);
   });
 }
 

@@ -70,6 +70,7 @@ class DiskSet {
 
  private:
   bool holds(Index id, const SurfacePoint& x) const;
+  void make_room(std::size_t num_stored, std::size_t total);
   void store(const Sample& sample, Index id);
   void flood_from(const SurfacePoint& x, double radius) const;
   bool flood_has(Index id) const;
@@ -79,6 +80,7 @@ class DiskSet {
   Box box_;
   double min_radius_ = 0, max_radius_ = 0;
   Index num_samples_ = 0;
+  bool has_room_ = false;  ///< for samples that are foreseen
   std::shared_ptr<const SurfaceFlood> flood_;
   std::unique_ptr<ReachLists> lists_;
   std::vector<Sample> samples_;  ///< by id; only where disks know their surface

@@ -144,7 +144,9 @@ struct DualStars {
   std::vector<DualStar> star;
   std::vector<double> energy;
 
+  /// Never by much: a star has 100 bytes.
   void resize(std::size_t samples) {
+    if (samples > star.capacity()) star.reserve(samples + samples / 8);
     star.resize(samples);
     energy.resize(samples);
   }

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <numeric>
+#include <string>
 
 namespace amps::detail {
 namespace {
@@ -67,6 +69,9 @@ MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const s
   std::partial_sum(start.begin(), start.end(), start.begin());
   resize_watched(sides_, start.back(), EdgeSide{}, run);
   for_each_side([&](Index low, const EdgeSide& side) { sides_[start[slot(low) + 1]++] = side; });
+  if (sides_.size() > slot(std::numeric_limits<Index>::max())) {
+    throw Error(ErrorCode::kTooLarge, "amps: " + std::to_string(num_facets) + " facets are too many to list their edges");
+  }
   begin_.reserve(sides_.size() / 2 + 1);
   low_.reserve(sides_.size() / 2);
   for (Index low = 0; low < num_vertices; ++low) {
@@ -76,19 +81,19 @@ MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const s
     sort_by_high(first, last, run);
     for (const EdgeSide* at = first; at < last; ++at) {
       if (at > first && at[-1].high == at->high) continue;
-      begin_.push_back(static_cast<std::size_t>(at - sides_.data()));
+      begin_.push_back(static_cast<Index>(at - sides_.data()));
       low_.push_back(low);
     }
   }
-  begin_.push_back(sides_.size());
+  begin_.push_back(static_cast<Index>(sides_.size()));
 }
 
-std::vector<std::size_t> MeshEdges::edge_of_sides(const Execution& run) const {
-  std::vector<std::size_t> result(num_corners_, kNoEdge);
+std::vector<Index> MeshEdges::edge_of_sides(const Execution& run) const {
+  std::vector<Index> result(num_corners_, kNone);
   Ticker ticker(run, size(), kEdgesPerLook);
   for (std::size_t e = 0; e < size(); ++e) {
     ticker.tick();
-    for (const EdgeSide& side : (*this)[e]) result[side.corner()] = e;
+    for (const EdgeSide& side : (*this)[e]) result[side.corner()] = static_cast<Index>(e);
   }
   return result;
 }

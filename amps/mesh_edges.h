@@ -51,10 +51,11 @@ struct MeshEdge {
   bool regular() const { return size() == 2 && first[0].forward != first[1].forward; }
 };
 
-/// The edges of a mesh, sorted by their lower and then by their higher vertex. Edge numbers are places in this order. 16 bytes
-/// an edge and 8 a side; O(#V + #F), but for sorting the sides at a vertex of many edges. Facets whose flag in `counted` is 0
+/// The edges of a mesh, sorted by their lower and then by their higher vertex. Edge numbers are places in this order. 8 bytes
+/// an edge and 12 a side; O(#V + #F), but for sorting the sides at a vertex of many edges. Facets whose flag in `counted` is 0
 /// are left out (an empty one counts all). Of the facets that count, all indices must lie in [0, num_vertices). A facet with a
-/// repeated index has a side from a vertex to itself, an edge like others; leave such facets out where that matters.
+/// repeated index has a side from a vertex to itself, an edge like others; leave such facets out where that matters. Throws
+/// Error(kTooLarge) beyond 2^31 − 1 sides.
 class MeshEdges {
  public:
   MeshEdges(const TrianglesView& triangles, Index num_vertices, const std::vector<char>& counted = {},
@@ -62,20 +63,21 @@ class MeshEdges {
 
   std::size_t size() const { return low_.size(); }
   MeshEdge operator[](std::size_t e) const {
-    const EdgeSide* const first = sides_.data() + begin_[e];
-    return {low_[e], first->high, first, sides_.data() + begin_[e + 1]};
+    const EdgeSide* const first = sides_.data() + slot(begin_[e]);
+    return {low_[e], first->high, first, sides_.data() + slot(begin_[e + 1])};
   }
 
-  /// The edge of each side, by side; kNoEdge for those of facets that were left out. O(#F).
+  /// "No such edge" where a number of one is expected.
   static constexpr std::size_t kNoEdge = static_cast<std::size_t>(-1);
-  std::vector<std::size_t> edge_of_sides(const Execution& run = {}) const;
+  /// The edge of each side, by side; kNone for those of facets that were left out. O(#F).
+  std::vector<Index> edge_of_sides(const Execution& run = {}) const;
 
   std::size_t num_corners() const { return num_corners_; }  ///< 3·#F, of facets left out too
 
  private:
   std::size_t num_corners_;
   std::vector<EdgeSide> sides_;
-  std::vector<std::size_t> begin_;  ///< of each edge's sides, and the end
+  std::vector<Index> begin_;  ///< of each edge's sides, and the end
   std::vector<Index> low_;
 };
 
@@ -165,7 +167,7 @@ class SurfaceEdges {
   std::size_t size() const { return edges_.size(); }
   MeshEdge operator[](std::size_t e) const { return edges_[e]; }
   /// The edge of side k of a facet that counts.
-  std::size_t edge(Index facet, int k) const { return edge_of_side_[3 * slot(facet) + static_cast<std::size_t>(k)]; }
+  std::size_t edge(Index facet, int k) const { return slot(edge_of_side_[3 * slot(facet) + static_cast<std::size_t>(k)]); }
 
  private:
   struct Parts {
@@ -183,7 +185,7 @@ class SurfaceEdges {
   std::vector<char> counted_;
   std::vector<Index> repeated_;
   MeshEdges edges_;
-  std::vector<std::size_t> edge_of_side_;
+  std::vector<Index> edge_of_side_;
 };
 
 }  // namespace amps::detail

@@ -504,7 +504,7 @@ class Optimizer {
     return end(status);
   }
 
-  /// In: the samples given to the constructor.
+  /// In: the samples given to the constructor, or none.
   void write_samples(SampleSet& samples, std::vector<Index>& ids) const { state_.samples.collect(samples, ids); }
 
  private:
@@ -852,6 +852,13 @@ OptimizeReport optimize_diagram(RestrictedPowerDiagram& diagram, SampleSet& samp
   const bool uniform = options.radius > 0 || radii_of(options, samples).uniform();
   const auto [min_angle, max_angle] = bounds_of(options, uniform);
   Optimizer optimizer(diagram, samples, surface, options, min_angle, max_angle, execution);
+  if (surface.disks != nullptr && surface.disks->knows_surface() && !samples.facets.empty()) {
+    // The disks have all that is in them, 60 bytes a sample.
+    samples.positions = Points();
+    samples.barycentrics = Points();
+    samples.radii = std::vector<double>();
+    samples.facets = std::vector<Index>();
+  }
   OptimizeReport report = optimizer.run();
   optimizer.write_samples(samples, ids);
   if (report.status != Outcome::kCancelled) execution.finish();

@@ -106,7 +106,9 @@ RestrictedPowerDiagram::RestrictedPowerDiagram(const MeshView& mesh, const Point
     triangulate(sites, weights, run.part(0, share, "triangulating samples"));
     seconds_triangulation_ = watch.lap();
     const Execution dividing = run.part(share, 1, "dividing the surface");
-    first_of_site_.assign(static_cast<std::size_t>(sites.rows()), kNone);
+    const auto num_sites = static_cast<std::size_t>(sites.rows());
+    first_of_site_.reserve(detail::room_for_more(num_sites));
+    first_of_site_.assign(num_sites, kNone);
     first_of_facet_.assign(slot(mesh_.num_facets()), kNone);
     measure_facets(dividing.part(0, 0.05));
     build(dividing.part(0.05, reach_lists_ == nullptr ? 1 : 0.9));
@@ -180,6 +182,7 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesVi
     positions[k] = sentinel.position();
     all_weights[k++] = sentinel.w;
   }
+  triangulation_.reserve(kSentinels + detail::room_for_more(n));
   // On one thread: of points on a surface most insertions by several get in each other's way.
   triangulation_.insert(positions, all_weights, execution.part(0.03, 1).on_one_thread());
 }
@@ -311,7 +314,7 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
   const std::size_t num_facets = slot(mesh_.num_facets());
   const double fragments = detail::expected_fragments(static_cast<double>(num_facets), static_cast<double>(num_sites()));
   // So many that threads end at about the same time. Batches are put together in their order.
-  constexpr double kFragmentsPerBatch = 4096;
+  constexpr double kFragmentsPerBatch = 4096, kBatchMargin = 1.125;
   const auto facets_per_batch = static_cast<std::size_t>(
       std::min(std::max(1.0, static_cast<double>(num_facets) * kFragmentsPerBatch / fragments), kFragmentsPerBatch));
   std::vector<Batch> batches((num_facets + facets_per_batch - 1) / facets_per_batch);
@@ -325,6 +328,7 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
     parallel_for(num_facets, facets_per_batch, clipping, [&](std::size_t begin, std::size_t end) {
       const auto scratch = pool.lend([this] { return std::make_unique<FloodScratch>(*this); });
       Batch& batch = batches[begin / facets_per_batch];
+      batch.entries.reserve(static_cast<std::size_t>(kFragmentsPerBatch * kBatchMargin));
       batch.done = &done;
       clip_facets(begin, end, owner, planes, *scratch, batch);
     });
@@ -372,7 +376,7 @@ std::array<Index, 3> RestrictedPowerDiagram::corner_owners(Index facet, CornerOw
 void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Execution& execution) {
   const SiteOrder order = number_fragments(batches, execution.part(0, 0.3));
   const std::size_t num_fragments = slot(num_fragments_);
-  fragments_.reserve(num_fragments + num_fragments / 2);  // edits add to them; memory is not used before it is written to
+  fragments_.reserve(detail::room_for_more(num_fragments));
   fragments_.resize(num_fragments);
   detail::divide_among_threads(batches.size(), 1, execution.part(0.3, 0.9), [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
@@ -380,6 +384,7 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
       batches[k] = Batch();
     }
   });
+  reach_.reserve(detail::room_for_more(slot(num_sites())));
   reach_.resize(slot(num_sites()));
   constexpr std::size_t kSitesPerPiece = 4096;
   detail::divide_among_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {

@@ -277,6 +277,7 @@ void RestrictedPowerDiagram::prefetch_facet_corners(Index facet) const {
 
 /// A mark that no entry of stamp_ has.
 std::uint32_t RestrictedPowerDiagram::new_stamp() {
+  stamp_.reserve(kSentinels + first_of_site_.capacity());
   stamp_.resize(slot(triangulation_.num_vertices()), 0);
   if (++last_stamp_ == 0) {
     std::fill(stamp_.begin(), stamp_.end(), 0u);

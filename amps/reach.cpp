@@ -297,6 +297,16 @@ double SurfaceFlood::bottleneck(const PlacedPoint& from, const PlacedPoint& to, 
 
 ReachLists::ReachLists(Index num_facets) : heads_(slot(num_facets)) {}
 
+void ReachLists::reserve(std::size_t num_samples) {
+  if (runs_.empty()) return;
+  const auto most = static_cast<std::size_t>(std::numeric_limits<Index>::max());
+  const double growth = static_cast<double>(num_samples) / static_cast<double>(runs_.size());
+  const double pairs = std::min(growth * static_cast<double>(facets_.size()), static_cast<double>(most));
+  runs_.reserve(num_samples);
+  facets_.reserve(static_cast<std::size_t>(pairs));
+  links_.reserve(static_cast<std::size_t>(pairs));
+}
+
 /// The first of `size` pairs that nothing uses.
 Index ReachLists::take_run(std::size_t size) {
   if (size < unused_of_size_.size() && unused_of_size_[size] != kNone) {

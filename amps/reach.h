@@ -143,6 +143,9 @@ class ReachLists {
     Index operator[](std::size_t k) const { return first[k]; }
   };
 
+  /// Makes room for lists of so many samples, that are as long as those there are by now on average.
+  void reserve(std::size_t num_samples);
+
   /// A sample that has no list gets one; `facets` ascending, each once. O(k). Throws Error(kTooLarge) beyond 2^31 − 1 pairs.
   void add(Index sample, const std::vector<Index>& facets);
   /// The list of a sample that has one is another one now; false if it is the same. O(k).

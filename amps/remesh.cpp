@@ -206,17 +206,16 @@ void orient_consistently(Dual& dual, const SurfaceEdges& surface, const PointsVi
   }
 }
 
-/// `ids`: the sites, in the order of the result's vertices, which lie at `positions`; empty: as they are. `surface`: the edges
-/// of the diagram's mesh.
-Dual restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vector<Index>& ids, const PointsView& positions,
-                          const SurfaceEdges& surface, const Execution& execution) {
+/// What the diagram has of the dual; no more of it is needed then. `ids`: the sites, in the order of the result's vertices;
+/// empty: as they are.
+Dual listed_triangles(const RestrictedPowerDiagram& diagram, const std::vector<Index>& ids, const Execution& execution) {
   Dual dual;
-  dual.triangles = diagram.dual_triangles(&dual.facets, execution.part(0, 0.2));
+  dual.triangles = diagram.dual_triangles(&dual.facets, execution.part(0, 0.7));
   if (!ids.empty()) {
     std::vector<Index> row(slot(diagram.num_sites()), kNone);
     for (std::size_t k = 0; k < ids.size(); ++k) row[slot(ids[k])] = static_cast<Index>(k);
     Triangles& triangles = dual.triangles;
-    Ticker ticker(execution.part(0.2, 0.3), static_cast<std::uint64_t>(triangles.rows()), kElementsPerLook);
+    Ticker ticker(execution.part(0.7, 1), static_cast<std::uint64_t>(triangles.rows()), kElementsPerLook);
     for (std::ptrdiff_t t = 0; t < triangles.rows(); ++t) {
       ticker.tick();
       std::array<Index, 3> v = {row[slot(triangles(t, 0))], row[slot(triangles(t, 1))], row[slot(triangles(t, 2))]};
@@ -224,34 +223,41 @@ Dual restricted_triangles(const RestrictedPowerDiagram& diagram, const std::vect
       triangles.row(t) << v[0], v[1], v[2];
     }
   }
-  const Index num_vertices = ids.empty() ? diagram.num_sites() : static_cast<Index>(ids.size());
-  dual = odd_triples(dual, num_vertices, execution.part(0.3, 0.5));
-  orient_consistently(dual, surface, positions, execution.part(0.5, 1));
+  return dual;
+}
+
+/// The triangulation, of what the diagram has listed. The vertices lie at `positions`. `surface`: the edges of the diagram's
+/// mesh.
+Dual restricted_triangles(const Dual& listed, const PointsView& positions, const SurfaceEdges& surface,
+                          const Execution& execution) {
+  Dual dual = odd_triples(listed, static_cast<Index>(positions.rows()), execution.part(0, 0.3));
+  orient_consistently(dual, surface, positions, execution.part(0.3, 1));
   return dual;
 }
 
 /// The ends of the parts of remesh() in the range of progress.
 struct RemeshParts {
-  double sampling, optimization, extraction, certificates, fit;
+  double sampling, optimization, listing, certificates, extraction, fit;
 
   RemeshParts(const MeshView& mesh, const SamplingOptions& options, const RemeshOptions& all) {
     // Microseconds a sample or facet, roughly.
-    constexpr double kExtractionCost = 0.6, kCertificateCost = 0.9, kReportCost = 1.3, kReportFacetCost = 0.2;
+    constexpr double kListingCost = 0.2, kExtractionCost = 0.4, kCertificateCost = 0.9, kReportCost = 1.3,
+                     kReportFacetCost = 0.2;
     const auto facets = static_cast<double>(mesh.num_facets());
     const double samples = expected_samples(mesh, options);
     sampling = sampling_cost(samples, facets, options.execution.workers());
     optimization = sampling;
     if (all.optimize) optimization += optimization_cost(all.optimization, samples, is_one_radius(options.sizing));
-    extraction = optimization + kExtractionCost * samples;
-    certificates = extraction + kCertificateCost * samples + kReportFacetCost * facets;
-    fit = certificates;
+    listing = optimization + kListingCost * samples;
+    certificates = listing + kCertificateCost * samples + kReportFacetCost * facets;
+    fit = extraction = certificates + kExtractionCost * samples;
     if (all.fit != Fit::kOff) {
       constexpr double kNormalCost = 10, kFreeCost = 100, kFitFacetCost = 1.5;
       const double cost = all.fit == Fit::kNormal ? kNormalCost : kFreeCost;
       fit += kFitFacetCost * facets + cost * samples / options.execution.workers();
     }
     const double end = fit + kReportCost * samples + kReportFacetCost * facets;
-    for (double* share : {&sampling, &optimization, &extraction, &certificates, &fit}) *share /= end;
+    for (double* share : {&sampling, &optimization, &listing, &certificates, &extraction, &fit}) *share /= end;
   }
 };
 
@@ -281,7 +287,7 @@ void measure_shapes(const Mesh& mesh, const MeshEdges& edges, bool has_curves, c
   report.curves.away = has_curves ? quality.parts[1] : quality.all;
 }
 
-/// What is proved of samples and diagram, which nobody needs any more then: they go, so that there is room to measure the mesh.
+/// What is proved of samples and diagram, which nobody needs any more then: they go, so that there is room for the mesh.
 void certify_and_release(const SamplingSurface& surface, ConflictRule rule, const Execution& execution, SamplingRun& run,
                          RemeshReport& report) {
   report.maximality =
@@ -678,12 +684,18 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     watch.lap();
     if (status == Outcome::kCancelled) return;
   }
-  const Execution extracting = execution.part(parts.optimization, parts.extraction, "building the mesh");
+  const auto building = [&](double from, double to) { return execution.part(from, to, "building the mesh"); };
+  Dual dual = listed_triangles(*run.diagram, ids, building(parts.optimization, parts.listing));
+  ids = std::vector<Index>();
+  result.report.seconds_remesh = watch.lap();
+  certify_and_release(surface_of_input, sampling.conflict_rule, building(parts.listing, parts.certificates), run,
+                      result.report);
+  result.report.seconds_report = watch.lap();
+  const Execution extracting = building(parts.certificates, parts.extraction);
   std::optional<SurfaceEdges> of_balls;
   if (surface_of_input.flood == nullptr) of_balls.emplace(mesh, extracting.part(0, 0.3));
   const SurfaceEdges& edges = of_balls.has_value() ? *of_balls : surface_of_input.flood->edges();
-  Dual dual = restricted_triangles(*run.diagram, ids, result.samples.positions, edges,
-                                   extracting.part(of_balls.has_value() ? 0.3 : 0, 1));
+  dual = restricted_triangles(dual, result.samples.positions, edges, extracting.part(of_balls.has_value() ? 0.3 : 0, 1));
   result.mesh = {result.samples.positions, std::move(dual.triangles)};
   result.facets = std::move(dual.facets);
   result.patches.assign(result.facets.size(), 0);
@@ -692,12 +704,9 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
     for (std::size_t t = 0; t < result.facets.size(); ++t) result.patches[t] = patch_of_facet[slot(result.facets[t])];
   }
   report_curves(surface_of_input, run, result);
-  result.report.seconds_remesh = watch.lap();
-  certify_and_release(surface_of_input, sampling.conflict_rule,
-                      execution.part(parts.extraction, parts.certificates, "measuring the result"), run, result.report);
-  result.report.seconds_report = watch.lap();
+  result.report.seconds_remesh += watch.lap();
   if (options.fit != Fit::kOff) {
-    fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.certificates, parts.fit, "fitting vertices"), result);
+    fit_mesh(mesh, surface_of_input, run, options, execution.part(parts.extraction, parts.fit, "fitting vertices"), result);
     watch.lap();
   }
   measure(mesh, edges, run, execution.part(parts.fit, 1, "measuring the result"), result);
@@ -980,9 +989,10 @@ Mesh restricted_triangulation(const MeshView& mesh, const SampleSet& samples, co
   const Execution run = execution.start();
   const detail::SetDiagram set = detail::diagram_of(mesh, samples, neighborhood, 0, run.part(0, 0.9), curves);
   const detail::SurfaceEdges edges(mesh, run.part(0.9, 0.93));
+  const Execution listing = run.part(0.93, 1, "listing triangles");
+  const detail::Dual listed = detail::listed_triangles(set.diagram, {}, listing.part(0, 0.3));
   Mesh result{samples.positions,
-              detail::restricted_triangles(set.diagram, {}, samples.positions, edges, run.part(0.93, 1, "listing triangles"))
-                  .triangles};
+              detail::restricted_triangles(listed, samples.positions, edges, listing.part(0.3, 1)).triangles};
   run.finish();
   return result;
 }

@@ -24,10 +24,12 @@ EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSe
 
 EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSet& samples, const std::vector<Index>& ids,
                                  DiskSet& disks, const Execution& execution)
-    : diagram_(diagram), disks_(disks), given_(ids) {
+    : diagram_(diagram), disks_(disks), given_(ids), num_given_(samples.size()) {
   const auto n = slot(ids.empty() ? samples.size() : diagram.num_sites());
-  samples_.reserve(n + n / 8);  // optimisation adds some hundredths
-  samples_.resize(n);
+  if (!disks.knows_surface()) {
+    balls_.reserve(n + n / 8);  // optimisation adds some hundredths
+    balls_.resize(n);
+  }
   alive_.assign(n, 0);
   is_new_.assign(n, 0);
   const bool fresh = !disks.has_samples();
@@ -35,9 +37,9 @@ EditableSamples::EditableSamples(RestrictedPowerDiagram& diagram, const SampleSe
   for (Index row = 0; row < samples.size(); ++row) {
     ticker.tick();
     const Index s = ids.empty() ? row : ids[slot(row)];
-    samples_[slot(s)] = sample_of(samples, row);
+    if (!disks.knows_surface()) balls_[slot(s)] = sample_of(samples, row);
     alive_[slot(s)] = 1;
-    if (fresh) disks_.insert(samples_[slot(s)], s);
+    if (fresh) disks_.insert(sample_of(samples, row), s);
   }
   for (std::size_t s = n; s-- > 0;) {
     if (alive_[s] == 0) free_.push_back(static_cast<Index>(s));
@@ -55,26 +57,27 @@ bool EditableSamples::are_apart(const std::vector<Sample>& disks, ConflictRule r
 }
 
 void EditableSamples::collect(SampleSet& set, std::vector<Index>& ids) const {
-  const Index num_given = set.size();
-  if (set.facets.empty()) {
-    set.facets.assign(slot(num_given), kNone);
-    set.barycentrics.resize(num_given);
+  const bool has_given = set.size() > 0;
+  AMPS_ASSERT(!has_given || set.size() == num_given_);
+  if (has_given && set.facets.empty()) {
+    set.facets.assign(slot(num_given_), kNone);
+    set.barycentrics.resize(num_given_);
   }
   ids.clear();
-  ids.reserve(samples_.size());
+  ids.reserve(alive_.size());
   // Rows only move forwards, into places that are free by now.
   Index row = 0;
-  for (Index before = 0; before < num_given; ++before) {
+  for (Index before = 0; before < num_given_; ++before) {
     const Index s = given_.empty() ? before : given_[slot(before)];
     if (!alive(s) || is_new(s)) continue;
-    if (row != before) {
+    if (has_given && row != before) {
       set.positions.row(row) = set.positions.row(before);
       set.barycentrics.row(row) = set.barycentrics.row(before);
       set.radii[slot(row)] = set.radii[slot(before)];
       set.facets[slot(row)] = set.facets[slot(before)];
     }
     ids.push_back(s);
-    ++row;
+    if (has_given) ++row;
   }
   for (Index s = 0; s < size(); ++s) {
     if (alive(s) && is_new(s)) ids.push_back(s);
@@ -124,7 +127,7 @@ Index SampleEdit::insert_site(const Sample& sample, Index near) {
   if (samples_.free_.empty()) {
     samples_.disks_.insert(sample, samples_.diagram_.num_sites());
     const Index s = samples_.diagram_.insert(sample.position(), weight, near);
-    samples_.samples_.emplace_back();
+    if (!samples_.disks_.knows_surface()) samples_.balls_.emplace_back();
     samples_.alive_.push_back(0);
     samples_.is_new_.push_back(1);
     return s;
@@ -138,7 +141,7 @@ Index SampleEdit::insert_site(const Sample& sample, Index near) {
 
 Index SampleEdit::enter(const Sample& sample, Index near) {
   const Index s = insert_site(sample, near);
-  samples_.samples_[slot(s)] = sample;
+  if (!samples_.disks_.knows_surface()) samples_.balls_[slot(s)] = sample;
   samples_.alive_[slot(s)] = 1;
   samples_.is_new_[slot(s)] = 1;
   change_.added.push_back(s);
@@ -195,7 +198,7 @@ void SampleEdit::undo() {
       samples_.diagram_.reinsert(old.id, sample.position(), sample.radius * sample.radius, near);
       note_changed();
     }
-    samples_.samples_[slot(old.id)] = sample;
+    if (!samples_.disks_.knows_surface()) samples_.balls_[slot(old.id)] = sample;
     samples_.alive_[slot(old.id)] = 1;
     samples_.is_new_[slot(old.id)] = old.is_new;
     near = old.id;

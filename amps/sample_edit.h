@@ -36,7 +36,7 @@ class EditableSamples {
   /// Has an edit put it in?
   bool is_new(Index s) const { return is_new_[slot(s)] != 0; }
   /// Of a sample that is alive, as the next.
-  const Sample& operator[](Index s) const { return samples_[slot(s)]; }
+  const Sample& operator[](Index s) const { return disks_.knows_surface() ? disks_.sample(s) : balls_[slot(s)]; }
 
   /// Fragments that edits have changed so far, each as often as it was: what edits have cost, on any machine.
   std::uint64_t fragments_changed() const { return fragments_changed_; }
@@ -48,7 +48,7 @@ class EditableSamples {
   void compact(const Execution& execution) { diagram_.compact(execution); }
 
   /// Those that are alive: the given ones in order, then the new ones. `set`: in, the samples given to the constructor, whose
-  /// memory is used again. `ids` (out): of the rows. A twentieth of a second for a million samples.
+  /// memory is used again, or none. `ids` (out): of the rows. A twentieth of a second for a million samples.
   void collect(SampleSet& set, std::vector<Index>& ids) const;
 
  private:
@@ -56,10 +56,11 @@ class EditableSamples {
 
   RestrictedPowerDiagram& diagram_;
   DiskSet& disks_;
-  std::vector<Sample> samples_;
+  std::vector<Sample> balls_;  ///< only where disks do not know their surface: those that do are known to `disks_`
   std::vector<char> alive_, is_new_;
   std::vector<Index> given_;  ///< ids of those given to the constructor; empty: rows
-  std::vector<Index> free_;   ///< ids to be used again
+  Index num_given_;
+  std::vector<Index> free_;  ///< ids to be used again
   std::uint64_t fragments_changed_ = 0;
 };
 

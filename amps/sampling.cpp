@@ -239,8 +239,8 @@ struct SamplingTask {
       order.insert(order.begin(), slot(num_fixed), 0);
       std::iota(order.begin(), order.begin() + num_fixed, Index{0});
     }
+    disks->clear(box, radii.min_of_set(), radii.max_of_set());  // first, so that there is room for a second copy of the set
     set.reorder(order, execution.part(0.5, 0.65));
-    disks->clear(box, radii.min_of_set(), radii.max_of_set());
     disks->insert_all(set, execution.part(0.65, 1));
     report.seconds_darts += watch.lap();
   }

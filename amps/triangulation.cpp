@@ -6,9 +6,53 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 #include <utility>
 
+// A sanitizer watches the bounds of what operator new gives.
+#if (defined(__linux__) || defined(__APPLE__)) && !defined(__SANITIZE_ADDRESS__)
+#define AMPS_MAPS_ARRAYS
+#include <sys/mman.h>
+#endif
+
 namespace amps {
+namespace detail {
+
+#if defined(AMPS_MAPS_ARRAYS)
+
+namespace {
+
+/// From so many bytes on: 256 pages, whose first use takes longer than asking the system for them.
+constexpr std::size_t kMappedBytes = std::size_t{1} << 20;
+
+}  // namespace
+
+void* allocate_array(std::size_t bytes) {
+  if (bytes < kMappedBytes) return ::operator new(bytes);
+  void* const memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANON, -1, 0);
+  if (memory == MAP_FAILED) throw std::bad_alloc();  // NOLINT: the system's macro
+  return memory;
+}
+
+void release_array(void* memory, std::size_t bytes) noexcept {
+  if (bytes < kMappedBytes) {
+    ::operator delete(memory);
+  } else {
+    munmap(memory, bytes);
+  }
+}
+
+#undef AMPS_MAPS_ARRAYS
+#else
+
+void* allocate_array(std::size_t bytes) { return ::operator new(bytes); }
+
+void release_array(void* memory, std::size_t) noexcept { ::operator delete(memory); }
+
+#endif
+
+}  // namespace detail
+
 using detail::kFaceCorners;
 using detail::slot;
 
@@ -43,6 +87,12 @@ void RegularTriangulation::insert_all(const PointsView& positions, const ValuesV
     run.check();
   }
   run.finish();
+}
+
+void RegularTriangulation::reserve(std::size_t num_points) {
+  points_.reserve(num_points);
+  state_.reserve(num_points);
+  vertex_cell_.reserve(num_points);
 }
 
 void RegularTriangulation::append_points(const PointsView& positions, const ValuesView* weights, const Execution* execution) {
@@ -477,7 +527,10 @@ void RegularTriangulation::collect_boundary(Workspace& work) const {
 
 /// A new stamp for work.local: what other insertions left there is void.
 std::uint32_t RegularTriangulation::next_stamp(Workspace& work) const {
-  if (work.local.size() < points_.size() + 2) work.local.resize(points_.size() + 2, 0);
+  if (work.local.size() < points_.size() + 2) {
+    work.local.reserve(points_.capacity() + 2);
+    work.local.resize(points_.size() + 2, 0);
+  }
   work.stamp += kStampStep;
   if (work.stamp == 0) {  // after 2^24 stamps
     std::fill(work.local.begin(), work.local.end(), 0);

@@ -64,14 +64,23 @@ inline constexpr int kFaceCorners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 
 
 namespace detail {
 
+/// Memory for an array, aligned as by operator new. Large ones are pages of their own where the system has them to give, and go
+/// back to it at once: among small ones that stay they would leave holes as large as themselves. Throws std::bad_alloc.
+AMPS_EXPORT void* allocate_array(std::size_t bytes);
+/// `bytes`: as it was allocated.
+AMPS_EXPORT void release_array(void* memory, std::size_t bytes) noexcept;
+
 /// Leaves the elements that resize() adds as they are in memory: threads that fill them then share its page faults as well.
 template <class T>
 struct UninitializedAllocator : std::allocator<T> {
   static_assert(std::is_trivially_copyable<T>::value, "has to be written before it is read, by assignment");
+  static_assert(alignof(T) <= alignof(std::max_align_t), "operator new aligns no better");
   template <class U>
   struct rebind {
     using other = UninitializedAllocator<U>;
   };
+  T* allocate(std::size_t n) { return static_cast<T*>(allocate_array(n * sizeof(T))); }
+  void deallocate(T* at, std::size_t n) noexcept { release_array(at, n * sizeof(T)); }
   template <class U>
   void construct(U*) noexcept {}
   template <class U, class... Arguments>
@@ -118,6 +127,9 @@ class RegularTriangulation {
   /// With more than one thread large sets go in in parallel, with the same cells; small ones stay sequential. Cancelled, it
   /// throws Error(kCancelled), and the triangulation is empty then: what it held before is gone too.
   AMPS_EXPORT void insert(const PointsView& positions, const ValuesView& weights, const Execution& execution = {});
+
+  /// Makes room for so many points in all, so that those inserted one by one move no memory.
+  AMPS_EXPORT void reserve(std::size_t num_points);
 
   /// Inserts one point and returns its id. `hint`: a cell near it (kNone: the last one touched).
   AMPS_EXPORT Index insert(const Vec3& position, double weight, Index hint = kNone);

@@ -59,6 +59,9 @@ class VoxelGrid {
   /// consecutive, or memory is wasted. Where radii are equal, `radius` is that one.
   void insert(const Vec3& x, double radius, Index id);
 
+  /// Makes room for `factor` times what it takes by now.
+  void reserve(double factor) { blocks_.reserve(static_cast<std::size_t>(factor * static_cast<double>(blocks_.size()))); }
+
   /// Takes a sample out again that was stored with exactly these values; its id may be stored anew. O(1) expected.
   void remove(const Vec3& x, double radius, Index id);
 

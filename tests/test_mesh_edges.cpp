@@ -60,7 +60,7 @@ void require_same_sides(const Mesh& mesh, const std::vector<char>& counted) {
   const SidesByEdge wanted = brute_sides(mesh, counted);
   REQUIRE(edges.size() == wanted.size());
   REQUIRE(edges.num_corners() == 3 * at(rows(mesh.triangles)));
-  const std::vector<std::size_t> edge_of_side = edges.edge_of_sides();
+  const std::vector<Index> edge_of_side = edges.edge_of_sides();
   std::size_t e = 0, sides = 0;
   for (const auto& [ends, list] : wanted) {  // a map: by lower, then by higher vertex
     const MeshEdge edge = edges[e];
@@ -80,12 +80,12 @@ void require_same_sides(const Mesh& mesh, const std::vector<char>& counted) {
       };
       REQUIRE(vertex(side.low_corner()) == edge.low);
       REQUIRE(vertex(side.high_corner()) == edge.high);
-      REQUIRE(edge_of_side[side.corner()] == e);
+      REQUIRE(edge_of_side[side.corner()] == static_cast<Index>(e));
       ++sides;
     }
     ++e;
   }
-  const auto none = std::count(edge_of_side.begin(), edge_of_side.end(), MeshEdges::kNoEdge);
+  const auto none = std::count(edge_of_side.begin(), edge_of_side.end(), kNone);
   CHECK(static_cast<std::size_t>(none) + sides == edges.num_corners());
 }
 
