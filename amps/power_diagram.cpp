@@ -314,7 +314,7 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
   const std::size_t num_facets = slot(mesh_.num_facets());
   const double fragments = detail::expected_fragments(static_cast<double>(num_facets), static_cast<double>(num_sites()));
   // So many that threads end at about the same time. Batches are put together in their order.
-  constexpr double kFragmentsPerBatch = 4096, kBatchMargin = 1.125;
+  constexpr double kFragmentsPerBatch = 4096;
   const auto facets_per_batch = static_cast<std::size_t>(
       std::min(std::max(1.0, static_cast<double>(num_facets) * kFragmentsPerBatch / fragments), kFragmentsPerBatch));
   std::vector<Batch> batches((num_facets + facets_per_batch - 1) / facets_per_batch);
@@ -328,7 +328,6 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
     parallel_for(num_facets, facets_per_batch, clipping, [&](std::size_t begin, std::size_t end) {
       const auto scratch = pool.lend([this] { return std::make_unique<FloodScratch>(*this); });
       Batch& batch = batches[begin / facets_per_batch];
-      batch.entries.reserve(static_cast<std::size_t>(kFragmentsPerBatch * kBatchMargin));
       batch.done = &done;
       clip_facets(begin, end, owner, planes, *scratch, batch);
     });

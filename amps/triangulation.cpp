@@ -6,53 +6,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <new>
 #include <utility>
 
-// A sanitizer watches the bounds of what operator new gives.
-#if (defined(__linux__) || defined(__APPLE__)) && !defined(__SANITIZE_ADDRESS__)
-#define AMPS_MAPS_ARRAYS
-#include <sys/mman.h>
-#endif
-
 namespace amps {
-namespace detail {
-
-#if defined(AMPS_MAPS_ARRAYS)
-
-namespace {
-
-/// From so many bytes on: 256 pages, whose first use takes longer than asking the system for them.
-constexpr std::size_t kMappedBytes = std::size_t{1} << 20;
-
-}  // namespace
-
-void* allocate_array(std::size_t bytes) {
-  if (bytes < kMappedBytes) return ::operator new(bytes);
-  void* const memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANON, -1, 0);
-  if (memory == MAP_FAILED) throw std::bad_alloc();  // NOLINT: the system's macro
-  return memory;
-}
-
-void release_array(void* memory, std::size_t bytes) noexcept {
-  if (bytes < kMappedBytes) {
-    ::operator delete(memory);
-  } else {
-    munmap(memory, bytes);
-  }
-}
-
-#undef AMPS_MAPS_ARRAYS
-#else
-
-void* allocate_array(std::size_t bytes) { return ::operator new(bytes); }
-
-void release_array(void* memory, std::size_t) noexcept { ::operator delete(memory); }
-
-#endif
-
-}  // namespace detail
-
 using detail::kFaceCorners;
 using detail::slot;
 

@@ -64,23 +64,14 @@ inline constexpr int kFaceCorners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 
 
 namespace detail {
 
-/// Memory for an array, aligned as by operator new. Large ones are pages of their own where the system has them to give, and go
-/// back to it at once: among small ones that stay they would leave holes as large as themselves. Throws std::bad_alloc.
-AMPS_EXPORT void* allocate_array(std::size_t bytes);
-/// `bytes`: as it was allocated.
-AMPS_EXPORT void release_array(void* memory, std::size_t bytes) noexcept;
-
 /// Leaves the elements that resize() adds as they are in memory: threads that fill them then share its page faults as well.
 template <class T>
 struct UninitializedAllocator : std::allocator<T> {
   static_assert(std::is_trivially_copyable<T>::value, "has to be written before it is read, by assignment");
-  static_assert(alignof(T) <= alignof(std::max_align_t), "operator new aligns no better");
   template <class U>
   struct rebind {
     using other = UninitializedAllocator<U>;
   };
-  T* allocate(std::size_t n) { return static_cast<T*>(allocate_array(n * sizeof(T))); }
-  void deallocate(T* at, std::size_t n) noexcept { release_array(at, n * sizeof(T)); }
   template <class U>
   void construct(U*) noexcept {}
   template <class U, class... Arguments>
