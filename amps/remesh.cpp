@@ -536,14 +536,6 @@ void name_places(const SamplingRun& run, SampleSet& samples) {
   }
 }
 
-/// Is a count off by more than 2 %, and by more than one, or at all if it is to be exact? `target_count` 0: any will do.
-bool misses(Index count, const SamplingOptions& asked) {
-  constexpr double kTolerance = 0.02;
-  if (asked.target_count == 0) return false;
-  const Index off = std::abs(count - asked.target_count);
-  return asked.exact_count ? off > 0 : off > std::max(1.0, kTolerance * asked.target_count);
-}
-
 /// Edits the samples of a run, which are maximal, until they are exactly as many as asked for. `ids`: in the run's diagram;
 /// empty: rows. Returns what is to be said of it.
 Outcome meet_exact_count(const SamplingSurface& surface, const RemeshOptions& options, const WantedRadii& radii,
@@ -711,7 +703,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   }
   measure(mesh, edges, run, execution.part(parts.fit, 1, "measuring the result"), result);
   result.report.seconds_report += watch.lap();
-  if (misses(result.samples.size(), options.sampling)) status = std::max(status, Outcome::kCountMissed);
+  if (misses_count(result.samples.size(), options.sampling)) status = std::max(status, Outcome::kCountMissed);
   if (!lost_shape(result.report).empty()) status = std::max(status, Outcome::kShapeChanged);
   result.status = status;
 }
@@ -884,7 +876,7 @@ class RemeshRuns {
     } else {
       bound_error(mesh_, kNextGoal * bounding_box(mesh_).diagonal(), execution.part(0, 0.6), made);
     }
-    if (!options_.least_error || misses(made.samples.size(), options_.sampling)) return {};
+    if (!options_.least_error || misses_count(made.samples.size(), options_.sampling)) return {};
     constexpr double kLeastGoal = 1e-5;  // of the diagonal
     goal_ = kNextGoal * report.hausdorff_bound;
     num_fresh_ = 0;
@@ -896,7 +888,7 @@ class RemeshRuns {
   bool prepare_next(const RemeshResult& made, std::vector<RadiusCap> more) {
     std::vector<RadiusCap>& caps = state_.surface.limits;
     const Index count = made.samples.size();
-    const bool fresh = more.empty() && !caps.empty() && misses(count, options_.sampling) &&
+    const bool fresh = more.empty() && !caps.empty() && misses_count(count, options_.sampling) &&
                        num_fresh_ < (options_.least_error ? kMaxFreshRunsForLess : kMaxFreshRuns);
     if (num_further_ == (options_.least_error ? kMaxRunsForLess : kMaxFurtherRuns) || (more.empty() && !fresh)) return false;
     const bool far = measured_ && !(made.report.hausdorff_bound <= goal_);
@@ -928,7 +920,7 @@ class RemeshRuns {
   std::tuple<std::int64_t, bool, bool, double> badness(const RemeshResult& result) const {
     const RemeshReport& report = result.report;
     const bool too_far = options_.max_error > 0 && !(report.hausdorff_bound <= options_.max_error);
-    return {crosses(report) ? report.self_intersections : 0, too_far, misses(result.samples.size(), options_.sampling),
+    return {crosses(report) ? report.self_intersections : 0, too_far, misses_count(result.samples.size(), options_.sampling),
             too_far ? report.hausdorff_lower : report.hausdorff_bound};
   }
 
@@ -1007,7 +999,7 @@ std::string lost_shape(const RemeshReport& report) {
     if (before == after) return;
     lost += (lost.empty() ? "" : ", ") + std::string(what) + " " + std::to_string(before) + " -> " + std::to_string(after);
   };
-  if (knows_surface && !report.certificate.holds()) {
+  if (!(knows_surface && report.certificate.holds())) {
     differs("components", in.components, out.components);
     differs("Euler characteristic", in.euler_characteristic, out.euler_characteristic);
     differs("boundary loops", in.boundary_loops, out.boundary_loops);

@@ -132,8 +132,8 @@ struct RemeshResult {
 
 /// What the result lacks of the shape of the surface, and what to do, in one line; empty if that is nothing: if the certificate
 /// holds, or components, Euler characteristic, boundary loops and edges of many facets are as many as before, all edges of
-/// curves are kept, and no triangles cross where none did. Where disks are balls, which join what is near, only an empty result
-/// counts.
+/// curves are kept, and no triangles cross where none did. (Where disks are balls there is no certificate, and crossings do not
+/// count.)
 AMPS_EXPORT std::string lost_shape(const RemeshReport& report);
 
 /// Samples the mesh, optimises the samples and returns their dual triangulation. Errors and thread-safety as sample() and

@@ -60,7 +60,7 @@ class EditableSamples {
   std::vector<char> alive_, is_new_;
   std::vector<Index> given_;  ///< ids of those given to the constructor; empty: rows
   Index num_given_;
-  std::vector<Index> free_;   ///< ids to be used again
+  std::vector<Index> free_;  ///< ids to be used again
   std::uint64_t fragments_changed_ = 0;
 };
 

@@ -953,6 +953,13 @@ void meet_count_of(SamplingRun& run, const SamplingOptions& options, const Execu
 
 }  // namespace
 
+bool misses_count(Index count, const SamplingOptions& asked) {
+  constexpr double kTolerance = 0.02;
+  if (asked.target_count == 0) return false;
+  const Index off = std::abs(count - asked.target_count);
+  return asked.exact_count ? off > 0 : off > std::max(1.0, kTolerance * asked.target_count);
+}
+
 SamplingOptions scaled_options(const SamplingOptions& options, const MeshScale& scale) {
   SamplingOptions result = options;
   result.radius = scale.length(options.radius);
@@ -965,6 +972,37 @@ void scale_back(SamplingReport& report, const MeshScale& scale) {
 }
 
 namespace {
+
+/// sample() of a mesh whose scale is ours.
+SamplingResult sample_for_count(const MeshView& mesh, const SamplingOptions& options) {
+  const bool knows_surface = options.neighborhood == Neighborhood::kSurface;
+  SamplingSurface surface;
+  surface.result_only = !options.exact_count;
+  if (!knows_surface && surface.result_only) return std::move(sample_with_diagram(mesh, options, surface).result);
+  require_usable(mesh);
+  const double floods = knows_surface ? 0.03 : 0, sampled = options.exact_count ? kBeforeExactCount : 1;
+  const Execution execution = options.execution.start();
+  SamplingOptions inner = options;
+  SamplingResult result;
+  result.status = Outcome::kCancelled;
+  if (!completes([&] {
+        if (knows_surface) {
+          surface.flood = flood_of(mesh, options.neighborhood, execution.part(0, floods, "listing edges"));
+        }
+        inner.execution = execution.part(floods, sampled);
+      })) {
+    return result;
+  }
+  SamplingRun run = sample_with_diagram(mesh, inner, surface);
+  if (options.exact_count && run.result.status != Outcome::kCancelled) {
+    const bool complete =
+        completes([&] { meet_count_of(run, options, execution.part(sampled, 1, "meeting the number exactly")); });
+    if (!complete) run.result.status = Outcome::kCancelled;
+  }
+  result = std::move(run.result);
+  if (result.status != Outcome::kCancelled) execution.finish();
+  return result;
+}
 
 /// `call` of the mesh and the options in units of `scale`.
 template <class Call>
@@ -980,35 +1018,12 @@ SamplingResult sampled_at(const MeshScale& scale, const MeshView& mesh, const Sa
 
 SamplingResult sample(const MeshView& mesh, const SamplingOptions& options) {
   if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, sample);
-  const bool knows_surface = options.neighborhood == Neighborhood::kSurface;
-  detail::SamplingSurface surface;
-  surface.result_only = !options.exact_count;
-  if (!knows_surface && surface.result_only) return std::move(detail::sample_with_diagram(mesh, options, surface).result);
-  require_usable(mesh);
-  const double floods = knows_surface ? 0.03 : 0, sampled = options.exact_count ? detail::kBeforeExactCount : 1;
-  const Execution execution = options.execution.start();
-  SamplingOptions inner = options;
-  SamplingResult result;
-  result.status = Outcome::kCancelled;
-  if (!detail::completes([&] {
-        if (knows_surface) {
-          surface.flood = detail::flood_of(mesh, options.neighborhood, execution.part(0, floods, "listing edges"));
-        }
-        inner.execution = execution.part(floods, sampled);
-      })) {
-    return result;
+  SamplingResult result = detail::sample_for_count(mesh, options);
+  if (result.status < Outcome::kCountMissed && detail::misses_count(result.samples.size(), options)) {
+    result.status = Outcome::kCountMissed;
   }
-  detail::SamplingRun run = detail::sample_with_diagram(mesh, inner, surface);
-  if (options.exact_count && run.result.status != Outcome::kCancelled) {
-    const bool complete = detail::completes(
-        [&] { detail::meet_count_of(run, options, execution.part(sampled, 1, "meeting the number exactly")); });
-    if (!complete) run.result.status = Outcome::kCancelled;
-  }
-  result = std::move(run.result);
-  if (result.status != Outcome::kCancelled) execution.finish();
   return result;
 }
-
 SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options) {
   if (const detail::MeshScale scale(mesh); !scale.is_one()) return detail::sampled_at(scale, mesh, options, throw_darts);
   const Execution execution = options.execution.start("throwing darts");

@@ -93,6 +93,7 @@ struct SamplingReport {
 struct SamplingResult {
   SampleSet samples;
   SamplingReport report;
+  /// Of sample(), kCountMissed: another number of samples than asked for, by more than 2 % and more than one.
   Outcome status = Outcome::kDone;
 };
 
@@ -159,6 +160,9 @@ struct SamplingRun {
   std::unique_ptr<RestrictedPowerDiagram> diagram;
 };
 SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& options, const SamplingSurface& surface = {});
+
+/// Is a count off by more than 2 %, and by more than one, or at all if it is to be exact? `target_count` 0: any will do.
+bool misses_count(Index count, const SamplingOptions& asked);
 
 }  // namespace detail
 

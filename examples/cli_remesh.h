@@ -170,11 +170,8 @@ inline int run_remesh(const Arguments& arguments) {
   Table table = files.table();
   table.hold();
   table.row("", "input", "output");
-  const amps::Index asked = options.sampling.target_count;
-  std::string vertices = std::to_string(result.mesh.vertices.rows());
-  if (asked > 0) vertices += " of " + number(asked) + " asked for";
-  if (result.status == amps::Outcome::kCountMissed) vertices += ": missed";
-  table.row("vertices", number(report.input.vertices), vertices);
+  table.row("vertices", number(report.input.vertices),
+            of_wanted(result.samples.size(), options.sampling.target_count, result.status));
   print_exact_count(table, report.exact_count);
   table.row("triangles", number(report.input.facets), number(report.output.facets));
   if (left_out > 0) table.row("triangles left out", number(left_out), "there twice, or of two corners");

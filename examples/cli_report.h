@@ -320,6 +320,14 @@ inline void print_unfilled(const Table& table, const amps::SamplingReport& repor
     table.row("unfilled gaps", number(report.unfilled_gaps) + ", move the mesh nearer to the origin");
 }
 
+/// A number of samples beside the one asked for (0: none).
+inline std::string of_wanted(amps::Index samples, amps::Index asked, amps::Outcome status) {
+  std::string text = number(samples);
+  if (asked > 0) text += " of " + number(asked) + " asked for";
+  if (status == amps::Outcome::kCountMissed) text += ": missed";
+  return text;
+}
+
 /// What it took to meet the number exactly.
 inline void print_exact_count(const Table& table, const amps::ExactCountReport& report) {
   if (!report.asked) return;

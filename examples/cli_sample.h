@@ -53,7 +53,7 @@ inline int run_sample(const Arguments& arguments) {
   watch.finish();
 
   const Table table = files.table();
-  table.row("samples", number(result.samples.size()));
+  table.row("samples", of_wanted(result.samples.size(), options.target_count, result.status));
   table.row("of darts and of gaps", number(result.report.dart_samples) + " and " + number(result.report.gap_samples));
   print_exact_count(table, result.report.exact_count);
   print_radii(table, result.samples);
