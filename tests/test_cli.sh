@@ -286,7 +286,7 @@ cmp -s fitted.obj unfitted.obj && fail "a fit moves nothing"
 run 0 remesh torus.obj one.obj --vertices 1200 --optimize angle --iterations 1 --json one.json
 [ "$(grep -c '"status": "iteration limit"' one.json)" = 2 ] || fail "--iterations 1 does not stop"
 run 0 remesh torus.obj stalled.obj --vertices 60 --angle-min 59 --angle-max 61 --json stalled.json
-[ "$(grep -c '"status": "stalled"' stalled.json)" = 2 ] || fail "bounds out of reach are not reported as stalled"
+[ "$(grep -c '"status": "stalled"' stalled.json)" -ge 1 ] || fail "bounds out of reach are not reported as stalled"
 bad "name angle" remesh torus.obj no.obj --vertices 100 --optimize angels
 bad "none, normal or free" remesh torus.obj no.obj --vertices 100 --fit tight
 bad "goes with" remesh torus.obj no.obj --vertices 100 --optimize valence --angle-min 40
@@ -330,7 +330,7 @@ awk '/^v / { $4 = $4 * 0.01 } { print }' box.obj >plate.obj
 run 0 remesh plate.obj thin.obj --vertices 2000 --samples thin.xyzr --json thin.json --optimize none
 grep -A 12 '"output"' thin.json | grep -q '"euler_characteristic": 2' || fail "the sides of a plate are joined"
 run 0 gaps plate.obj thin.xyzr --neighborhood surface
-run 0 remesh plate.obj joined.obj --vertices 2000 --neighborhood space --json joined.json --optimize none
+run 4 remesh plate.obj joined.obj --vertices 2000 --neighborhood space --json joined.json --optimize none
 grep -q "^amps: note: --neighborhood space keeps no curves" log/notes || fail "no note about curves"
 grep -A 12 '"output"' joined.json | grep -q '"euler_characteristic": 2' && fail "balls do not join the sides of a plate"
 run 0 sample plate.obj thin.csv --radius 0.05 --neighborhood surface
@@ -386,7 +386,7 @@ run 0 make square equal.obj --n 200
 run 0 remesh equal.obj equal_out.obj --vertices 200
 grep -q '^angles .*(input: 45.00 to 90.00)   worse$' log/out || fail "worse angles are not marked: $(grep ^angles log/out)"
 grep -q '^mean smallest angle .*(input: 45.00)$' log/out || fail "better angles are marked: $(grep ^mean log/out)"
-run 0 remesh torus.obj fused.obj --radius 0.7 --neighborhood space --optimize none
+run 4 remesh torus.obj fused.obj --radius 0.7 --neighborhood space --optimize none
 grep -q '^Euler characteristic *0 .*changed$' log/out || fail "another topology is not marked: $(grep ^Euler log/out)"
 grep -q '^non-manifold edges *0 *[1-9][0-9]*   worse$' log/out || fail "non-manifold edges are not marked"
 # A pyramid too small for the radius.

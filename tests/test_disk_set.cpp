@@ -189,9 +189,24 @@ TEST_CASE("sampling over a surface: where no sheet is near another, disks are ba
   for (const Mesh& mesh : {amps::make_sphere(2000), amps::make_torus(1, 0.4, 40, 20), amps::make_square(8)}) {
     amps::SamplingOptions options;
     options.radius = 0.05 * amps::bounding_box(mesh).diagonal();
-    const SampleSet in_space = amps::sample(mesh, options).samples;
+    const amps::SamplingResult in_space = amps::sample(mesh, options);
     options.neighborhood = Neighborhood::kSurface;
-    CHECK(same_set(amps::sample(mesh, options).samples, in_space));
+    const amps::SamplingResult on_surface = amps::sample(mesh, options);
+    // The same darts. Gaps are filled in another order.
+    const Index num_darts = in_space.report.dart_samples;
+    REQUIRE(on_surface.report.dart_samples == num_darts);
+    for (Index s = 0; s < num_darts; ++s) {
+      CHECK(on_surface.samples.positions.row(s) == in_space.samples.positions.row(s));
+    }
+    // Each is maximal, and Poisson-disk, in the other's sense.
+    for (const auto neighborhood : {Neighborhood::kSpace, Neighborhood::kSurface}) {
+      for (const amps::SamplingResult* result : {&in_space, &on_surface}) {
+        const amps::MaximalityReport report =
+            amps::verify_maximal(mesh, result->samples, {}, amps::ConflictRule::kMax, neighborhood);
+        CHECK(report.maximal());
+        CHECK(report.poisson_disk());
+      }
+    }
   }
 }
 

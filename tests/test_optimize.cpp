@@ -296,9 +296,9 @@ TEST_CASE("optimize: the same seed gives the same bits with every compiler and b
     const SampleSet result = optimized(set, options).samples;
     return hash_bits(result.positions, result.radii, result.barycentrics);
   };
-  CHECK(bits(uniform_set("", amps::make_square(3), 900)) == 4360275089456769366u);
-  CHECK(bits(uniform_set("", amps::make_cube(7), 900)) == 4089818296497598830u);
-  CHECK(bits(graded_set("", amps::make_square(12), 900)) == 4496906882366655731u);
+  CHECK(bits(uniform_set("", amps::make_square(3), 900)) == 7817927973284120648u);
+  CHECK(bits(uniform_set("", amps::make_cube(7), 900)) == 1393615393939860596u);
+  CHECK(bits(graded_set("", amps::make_square(12), 900)) == 11804718793812236324u);
 }
 
 TEST_CASE("optimize: large sets keep every law" * doctest::test_suite("slow")) {

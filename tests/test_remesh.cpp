@@ -65,7 +65,9 @@ std::set<Triple> triples_of(const Mesh& mesh) {
 void check_remeshed(const Mesh& input, const RemeshResult& result, double radius,
                     amps::Neighborhood neighborhood = amps::Neighborhood::kSurface) {
   constexpr double kTolerance = 1e-9;
-  REQUIRE(result.status == Outcome::kDone);
+  // A handful of balls may have another topology than the surface, which is said.
+  const bool of_balls = neighborhood == amps::Neighborhood::kSpace;
+  REQUIRE((result.status == Outcome::kDone || (of_balls && result.status == Outcome::kShapeChanged)));
   REQUIRE(rows(result.mesh.triangles) > 0);
   const Extremes e = extremes_of(result.mesh, result.samples, radius);
   CHECK(e.min_angle >= 30 * (1 - kTolerance));
@@ -451,8 +453,8 @@ TEST_CASE("remesh: the same seed gives the same bits with every compiler and bui
   optimized.optimize = true;
   optimized.optimization.min_angle = 38;
   optimized.optimization.max_angle = 100;
-  CHECK(hash(amps::remesh(amps::make_square(3), without_curves(optimized))) == 6712901615575785810u);
-  CHECK(hash(amps::remesh(amps::make_cube(7), optimized)) == 4631317456331903088u);
+  CHECK(hash(amps::remesh(amps::make_square(3), without_curves(optimized))) == 6427581742007584111u);
+  CHECK(hash(amps::remesh(amps::make_cube(7), optimized)) == 1775905029826762211u);
 }
 
 TEST_CASE("remesh: scaled by a power of two, a mesh has the same angles, and is improved as far") {

@@ -346,7 +346,7 @@ TEST_CASE("topology_refinement: what is lost, in words") {
   report.input.components = report.output.components = 1;
   CHECK(amps::lost_shape(report).empty());
   report.output.components = 2;
-  CHECK(amps::lost_shape(report).empty());  // disks are balls
+  CHECK(amps::lost_shape(report).find("components 1 -> 2") != std::string::npos);  // disks are balls: no certificate
   report.certificate.cells = 6;
   CHECK(amps::lost_shape(report).empty());  // it holds
   report.certificate.failures.push_back({TopologyFailureKind::kPieces, 3});
