@@ -54,8 +54,8 @@ struct SamplingOptions {
   ConflictRule conflict_rule = ConflictRule::kMax;
   /// Default: kSpace; in remesh() kSurface, but for the min rule.
   Neighborhood neighborhood = Neighborhood::kDefault;
-  /// Same seed, mesh and options: the same bits, on any platform and any number of threads. One seed at two radii makes two
-  /// sets that have nothing to do with each other.
+  /// Same seed, mesh and options: the same bits, on any platform and any number of threads. One seed at two radii, which
+  /// differ by a millionth and more, makes two sets that have nothing to do with each other.
   std::uint64_t seed = 1;
   /// Dart throwing ends after this many consecutive rejections (k of the paper); what is left is the gap filler's.
   int max_rejections = 300;
