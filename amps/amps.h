@@ -64,11 +64,13 @@
 //   disk_set.h       (internal) the disks there are, balls or parts of the surface, and what conflicts with them
 //   count_model.h    (internal) how many samples radii make
 //   curve_proximity.h  (internal) distances between curves, where floods get from one to the other
+//   curve_spacing.h  (internal) samples along one curve
 //   curve_sampling.h  (internal) samples on corners and along curves
 //   gaps.h           (internal) the uncovered part of a fragment: area, primitives, uniform points in it
 //   gap_filling.h    (internal) fills gaps, for whoever has a set
 //   topology_certificate.h  does the dual have the topology of the surface, curves included
 //   topology_refinement.h   (internal) smaller radii where it has not
+//   dual_mesh.h      (internal) the dual triangles as a mesh
 //   dual_star.h      (internal) the dual triangles around a sample, and how bad they are
 //   trial_patch.h    (internal) the dual triangles around a few samples, to try refills on
 //   refill.h         (internal) finding refills that improve what is bad
@@ -76,6 +78,7 @@
 //   exact_count.h    what came of meeting a number of samples exactly
 //   count_editor.h   (internal) adds samples, or takes some out, where that costs least
 //   sampling.h       darts, then gap filling; smaller radii where the topology asks for them
+//   sampling_stages.h  (internal) the stages of a run
 //   maximality.h     the certificate that a set is maximal; its gaps
 //   optimize.h       better triangles and valences by refilling gaps
 //   polygons.h       (internal) polygons of files, cut into triangles

@@ -118,10 +118,6 @@ MeasuredLengths measure_lengths(const MeshView& mesh, const SizingField& field, 
 
 }  // namespace
 
-ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, double most_samples, const Execution& execution) {
-  return foresee_size(mesh, total_area(mesh), radii, most_samples, execution);
-}
-
 ForeseenSize foresee_size(const MeshView& mesh, double area, const WantedRadii& radii, double most_samples,
                           const Execution& execution) {
   double longest = 0, perimeters = 0;

@@ -21,9 +21,7 @@ struct ForeseenSize {
 /// could need `most_samples`, lengths of components are added up, at 0.75 samples per r, up to what the box has room for. A
 /// convex facet of perimeter P meets about 1 + κA/r² + 0.5·P/r cells of a maximal set: Euler's formula and Buffon's needle, as
 /// expected_fragments(), which is of equilateral facets; of needles the last term is nearly all. In a field r is the mean of
-/// 1/r at a facet's corners; for lengths the greatest. O(#V + #F) expected; caps do not count.
-ForeseenSize foresee_size(const MeshView& mesh, const WantedRadii& radii, double most_samples, const Execution& execution = {});
-/// The same on a surface whose area is known.
+/// 1/r at a facet's corners; for lengths the greatest. `area`: total_area(). O(#V + #F) expected; caps do not count.
 ForeseenSize foresee_size(const MeshView& mesh, double area, const WantedRadii& radii, double most_samples,
                           const Execution& execution = {});
 

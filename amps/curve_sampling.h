@@ -13,6 +13,7 @@
 
 #include "amps/base.h"
 #include "amps/cap_field.h"
+#include "amps/curve_spacing.h"
 #include "amps/curves.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
@@ -27,9 +28,6 @@
 #include <vector>
 
 namespace amps::detail {
-
-/// How fast radii grow along a curve, per length. At more than some .2, peaks of R cannot be spaced.
-inline constexpr double kCurveGradation = 0.15;
 
 /// How fast the radii of faces grow with the distance from a lowered sample of a curve.
 inline constexpr double kCapGradation = 0.2;

@@ -1,9 +1,8 @@
 // exact_count.h: what came of meeting a number of samples exactly (SamplingOptions::exact_count). A set that comes near the
 // number is edited here and there until it has it, the cheapest edits first:
-//   * A few neighbours are taken out and their gap is refilled with one sample more, or fewer. Radii stay as they are wanted
-//   and
-//     no gap is left: the set stays maximal. Of the refills tried, the one with the best triangles counts. There is room for
-//     that: random maximal sets have 0.70 disks to an area of r², and there are sets from 0.39 to 1.15.
+//   * A few neighbours are taken out and their gap is refilled with one sample more, or fewer. Radii stay as they are wanted,
+//     and no gap is left: the set stays maximal. Of the refills tried, the one with the best triangles counts. There is room
+//     for that: random maximal sets have 0.70 disks to an area of r², and there are sets from 0.39 to 1.15.
 //   * Where that adds none any more, gaps are refilled with disks that are smaller than wanted. The set stays maximal.
 //   * Where it takes none out any more, single samples go, those first that leave the surface covered best. Then the set is not
 //     maximal, and a multiple of the radius that covers the surface is reported.

@@ -256,6 +256,25 @@ class WorkCounter {
   std::atomic<std::uint64_t> done_{0};
 };
 
+/// for_each_piece() on all threads: parallel_for() that reports when a piece is done.
+template <class Body>
+void for_each_piece_on_all_threads(std::size_t n, std::size_t grain, const Execution& execution, const Body& body) {
+  WorkCounter done(execution, n);
+  parallel_for(n, grain, execution, [&](std::size_t begin, std::size_t end) {
+    body(begin, end);
+    done.add(end - begin);
+  });
+}
+
+/// for_each_index() on all threads. `body` writes to i's own places.
+template <class Body>
+void for_each_index_on_all_threads(std::size_t n, const Execution& execution, const Body& body) {
+  constexpr std::size_t kGrain = 2048;
+  for_each_piece_on_all_threads(n, kGrain, execution, [&body](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) body(i);
+  });
+}
+
 }  // namespace detail
 }  // namespace amps
 

@@ -17,15 +17,15 @@ constexpr int kGapDarts = 64;
 constexpr double kSeparationSlack = 1e-10;
 
 /// Gaps are chosen among those in the cells of so many samples at a time, along a curve in space: where gap filling works,
-/// memory is at hand (two thirds of the time at a million samples). The paper chooses among all gaps. Stretches that do not
-/// touch do not see each other, so it does not matter which comes first, and within one choice is in proportion to ρ × area;
-/// only near where two of them meet, each some 90 by 90 samples, is the order another. Stretches of 80 samples make 0.07 % more
-/// samples, of 300 samples 0.04 %, of these none that could be measured (tests/bench/README.md). They are of samples, not of
-/// fragments: on a fine mesh so many fragments are the cells of few.
+/// memory is at hand (two thirds of the time at a million samples, measured with stretches of 16,384 fragments). The paper
+/// chooses among all gaps. Stretches that do not touch do not see each other, so it does not matter which comes first, and
+/// within one choice is in proportion to ρ × area; only near where two of them meet, each some 90 by 90 samples, is the order
+/// another. Stretches of 80 samples make 0.07 % more samples, of 300 samples 0.04 %, of these none that could be measured
+/// (tests/bench/README.md). They are of samples, not of fragments: on a fine mesh so many fragments are the cells of few.
 constexpr std::size_t kSitesAtATime = 8192;
 
-/// So many darts in a row are left out for the density's sake; the next one stays. That is for radii that
-/// grow a thousandfold and more across a gap; elsewhere a few in a row are.
+/// So many darts in a row are left out for the density's sake; the next one stays. That is for radii that grow a thousandfold
+/// and more across a gap; elsewhere a few in a row are.
 constexpr int kMostThinned = 4096;
 
 /// Samples are entered together up to so many, of as many gaps in the stretch for each, so that few darts meet a sample of
@@ -139,14 +139,12 @@ void GapFiller::look_at_all(const Execution& execution) {
 std::vector<double> GapFiller::all_weights(const Execution& execution) const {
   const auto n = slot(diagram_.fragment_capacity());
   std::vector<double> weights(n, 0.0);
-  WorkCounter counter(execution, n);
   constexpr std::size_t kFragmentsPerPiece = 4096;
-  parallel_for(n, kFragmentsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
+  for_each_piece_on_all_threads(n, kFragmentsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
     FragmentGap gap;
     for (std::size_t f = begin; f < end; ++f) {
       if (diagram_.alive(static_cast<Index>(f))) weights[f] = gap_weight(static_cast<Index>(f), gap);
     }
-    counter.add(end - begin);
   });
   return weights;
 }
@@ -250,8 +248,8 @@ GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& e
 }
 
 /// A gap is chosen by `weight`, its area times a bound of ρ, and darts in it are uniform: what is more than ρ is left out, and
-/// a gap chosen anew (kThinned). With weight 0 nothing is. kTaken: a sample that is in the
-/// disks, not in the diagram yet, covers the dart. kNoRoom: the gap of f holds no double at the wanted distance.
+/// a gap chosen anew (kThinned). With weight 0 nothing is. kTaken: a sample that is in the disks, not in the diagram yet,
+/// covers the dart. kNoRoom: the gap of f holds no double at the wanted distance.
 GapFiller::Dart GapFiller::throw_darts_into(Index f, double weight, Rng& rng, Sample& sample) {
   const auto polygon = diagram_.polygon(f);
   const double area = gap_.assign(diagram_, polygon);

@@ -76,10 +76,8 @@ class SeparationMeasure {
   void look_at_neighbors(const Execution& execution) {
     const std::size_t n = slot(diagram_.cell_capacity());
     std::vector<OfCells> found((n + kCellsPerPiece - 1) / kCellsPerPiece);
-    WorkCounter done(execution, n);
-    parallel_for(n, kCellsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
+    for_each_piece_on_all_threads(n, kCellsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
       found[begin / kCellsPerPiece] = look_at_cells(static_cast<Index>(begin), static_cast<Index>(end));
-      done.add(end - begin);
     });
     for (const OfCells& of_cells : found) {
       best_ = std::min(best_, of_cells.best);
@@ -219,13 +217,10 @@ MaximalityReport measure_maximality(const RestrictedPowerDiagram& diagram, Confl
                                     const DiskSet* disks) {
   const Execution run = execution.start("checking coverage and distances");
   constexpr std::size_t kFragmentsPerPiece = 1 << 13;  // some 0.2 ms, and more where there are gaps
-  const Execution covering = run.part(0, 0.4);
   const std::size_t n = slot(diagram.fragment_capacity());
   std::vector<CoverageOfFragments> found((n + kFragmentsPerPiece - 1) / kFragmentsPerPiece);
-  WorkCounter done(covering, n);
-  parallel_for(n, kFragmentsPerPiece, covering, [&](std::size_t begin, std::size_t end) {
+  for_each_piece_on_all_threads(n, kFragmentsPerPiece, run.part(0, 0.4), [&](std::size_t begin, std::size_t end) {
     found[begin / kFragmentsPerPiece] = coverage_of_fragments(diagram, static_cast<Index>(begin), static_cast<Index>(end));
-    done.add(end - begin);
   });
   MaximalityReport report;
   report.measured = true;

@@ -252,13 +252,8 @@ std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution
   require_indices(mesh);
   const Execution run = execution.start("measuring areas");
   std::vector<double> areas(static_cast<std::size_t>(mesh.num_facets()));
-  constexpr std::size_t kGrain = 4096;
-  const Execution measuring = run.part(0, 0.6);
-  detail::WorkCounter done(measuring, areas.size());
-  parallel_for(areas.size(), kGrain, measuring, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) areas[f] = facet_area(mesh, static_cast<Index>(f));
-    done.add(end - begin);
-  });
+  detail::for_each_index_on_all_threads(areas.size(), run.part(0, 0.6),
+                                        [&](std::size_t f) { areas[f] = facet_area(mesh, static_cast<Index>(f)); });
   for (const Index f : detail::find_repeated_facets(mesh, run.part(0.6, 1))) areas[static_cast<std::size_t>(f)] = 0;
   run.finish();
   return areas;

@@ -125,16 +125,13 @@ struct OptimizeState {
     stars.resize(n);
     seen.reserve(n + n / kSamplesPerRoom);
     seen.resize(n);
-    const Execution reading = execution.part(0.3, 1);
-    WorkCounter done(reading, n);
-    parallel_for(n, kStarsPerTask, reading, [&](std::size_t begin, std::size_t end) {
+    for_each_piece_on_all_threads(n, kStarsPerTask, execution.part(0.3, 1), [&](std::size_t begin, std::size_t end) {
       StarReader own(diagram, rating, num_fixed);
       for (std::size_t s = begin; s < end; ++s) {
         stars.read(own, static_cast<Index>(s));
         seen.star[s] = stars.star[s];
         seen.site[s] = diagram.site(static_cast<Index>(s));
       }
-      done.add(end - begin);
     });
   }
   OptimizeState(const OptimizeState&) = delete;

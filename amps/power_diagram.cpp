@@ -25,20 +25,6 @@ double RestrictedPowerDiagram::Polygon::area() const {
 
 // Construction
 
-namespace detail {
-
-/// parallel_for() that reports.
-template <class Body>
-void divide_among_threads(std::size_t n, std::size_t grain, const Execution& execution, const Body& body) {
-  WorkCounter done(execution, n);
-  parallel_for(n, grain, execution, [&](std::size_t begin, std::size_t end) {
-    body(begin, end);
-    done.add(end - begin);
-  });
-}
-
-}  // namespace detail
-
 /// Fragments of a run of facets, before they are put together. Their polygons stay where they are.
 struct RestrictedPowerDiagram::Batch {
   struct Entry {
@@ -216,7 +202,7 @@ void RestrictedPowerDiagram::measure_facets(const Execution& execution) {
       largest_error = std::max(largest_error, facet_error_[slot(facet)]);
     }
   };
-  detail::divide_among_threads(facet_error_.size(), kFacetsPerPiece, execution.part(0.4, 1), measure);
+  detail::for_each_piece_on_all_threads(facet_error_.size(), kFacetsPerPiece, execution.part(0.4, 1), measure);
   for (const double error : largest_of_piece) largest_facet_error_ = std::max(largest_facet_error_, error);
 }
 
@@ -283,7 +269,7 @@ RestrictedPowerDiagram::PlaneTable RestrictedPowerDiagram::all_planes(const Exec
   table.planes.resize(room);
   constexpr std::size_t kSitesPerPiece = 2048, kCellsAhead = 12;
   detail::ScratchPool<std::vector<Index>> pool;
-  detail::divide_among_threads(n, kSitesPerPiece, execution.part(0.4, 1), [&](std::size_t begin, std::size_t end) {
+  detail::for_each_piece_on_all_threads(n, kSitesPerPiece, execution.part(0.4, 1), [&](std::size_t begin, std::size_t end) {
     const auto scratch = pool.lend([n] { return std::make_unique<std::vector<Index>>(n, kNone); });
     Index* const last_seen = scratch->data();
     const Index* const cells = around.cells.data();
@@ -377,7 +363,7 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   const std::size_t num_fragments = slot(num_fragments_);
   fragments_.reserve(detail::room_for_more(num_fragments));
   fragments_.resize(num_fragments);
-  detail::divide_among_threads(batches.size(), 1, execution.part(0.3, 0.9), [&](std::size_t begin, std::size_t end) {
+  detail::for_each_piece_on_all_threads(batches.size(), 1, execution.part(0.3, 0.9), [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
       make_records(batches[k], order);
       batches[k] = Batch();
@@ -386,7 +372,7 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   reach_.reserve(detail::room_for_more(slot(num_sites())));
   reach_.resize(slot(num_sites()));
   constexpr std::size_t kSitesPerPiece = 4096;
-  detail::divide_among_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {
+  detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {
     for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
   });
 }

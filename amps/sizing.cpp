@@ -551,12 +551,10 @@ SizingField tabulate_positions(const MeshView& mesh, const std::vector<double>& 
   PositionValues values(mesh, radius, execution.part(0, kVerticesEnd));
   std::vector<std::vector<double>> parts(areas.size() / kFacetsPerPiece + 1);
   const Execution tabulation = execution.part(kVerticesEnd, kTabulated);
-  WorkCounter done(tabulation, areas.size());
-  parallel_for(areas.size(), kFacetsPerPiece, tabulation, [&](std::size_t begin, std::size_t end) {
+  for_each_piece_on_all_threads(areas.size(), kFacetsPerPiece, tabulation, [&](std::size_t begin, std::size_t end) {
     FacetTabulator<PositionValues> tabulator(mesh, values, options, areas, levels);
     for (std::size_t f = begin; f < end; ++f) tabulator.tabulate(static_cast<Index>(f));
     parts[begin / kFacetsPerPiece] = tabulator.take_nodes();
-    done.add(end - begin);
   });
   std::size_t size = 0;
   for (const auto& part : parts) size += part.size();

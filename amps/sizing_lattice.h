@@ -141,17 +141,6 @@ SizingField tabulate_positions(const MeshView& mesh, const std::vector<double>& 
 /// The mean of 1/r² over a triangle on which r is linear, > 0 at the corners; relative error below 1e-12.
 double mean_inverse_square(const std::array<double, 3>& radii);
 
-/// body(i) for each i in [0, n), elements of up to a microsecond, in pieces on all threads. `body` writes to i's own places.
-template <class Body>
-void for_each_index_on_all_threads(std::size_t n, const Execution& execution, const Body& body) {
-  constexpr std::size_t kGrain = 2048;
-  WorkCounter counter(execution, n);
-  parallel_for(n, kGrain, execution, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) body(i);
-    counter.add(end - begin);
-  });
-}
-
 /// Throws Error(kInvalidArgument).
 [[noreturn]] void refuse_sizing(const std::string& what);
 

@@ -562,11 +562,8 @@ std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& p
   }
   const MedialAxis axis(mesh, options, job.part(0.02, kAxisEnd));
   std::vector<double> result(static_cast<std::size_t>(points.rows()));
-  constexpr std::size_t kGrain = 1024;
-  detail::WorkCounter counter(job.part(kAxisEnd, 1), result.size());
-  parallel_for(result.size(), kGrain, job, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) result[i] = axis.distance(points[static_cast<std::ptrdiff_t>(i)]);
-    counter.add(end - begin);
+  for_each_index_on_all_threads(result.size(), job.part(kAxisEnd, 1), [&](std::size_t i) {
+    result[i] = axis.distance(points[static_cast<std::ptrdiff_t>(i)]);
   });
   job.finish();
   return result;

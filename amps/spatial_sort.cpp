@@ -134,11 +134,8 @@ void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& 
     }
     return {key, index};
   };
-  const Execution keying = execution.part(0.1, 0.4);
-  WorkCounter keyed_so_far(keying, n);
-  parallel_for(n, kSortGrain, keying, [&](std::size_t from, std::size_t to) {
+  for_each_piece_on_all_threads(n, kSortGrain, execution.part(0.1, 0.4), [&](std::size_t from, std::size_t to) {
     for (std::size_t k = from; k < to; ++k) items[k] = keyed(order[begin + k]);
-    keyed_so_far.add(to - from);
   });
   int bits = 3 * levels;
   for (int k = round_count - 1; k > 0; k >>= 1) ++bits;

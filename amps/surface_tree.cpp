@@ -543,14 +543,12 @@ std::vector<SurfaceHit> SurfaceTree::nearest_all(const PointsView& queries, cons
   const Execution job = execution.start("finding nearest points");
   std::vector<SurfaceHit> hits(static_cast<std::size_t>(queries.rows()));
   constexpr std::size_t kGrain = 1024;
-  detail::WorkCounter counter(job, hits.size());
-  parallel_for(hits.size(), kGrain, job, [&](std::size_t begin, std::size_t end) {
+  detail::for_each_piece_on_all_threads(hits.size(), kGrain, job, [&](std::size_t begin, std::size_t end) {
     Index hint = kNone;
     for (std::size_t i = begin; i < end; ++i) {
       hits[i] = nearest(queries[static_cast<std::ptrdiff_t>(i)], hint);
       hint = hits[i].point.facet;
     }
-    counter.add(end - begin);
   });
   job.finish();
   return hits;

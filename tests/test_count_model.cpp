@@ -70,7 +70,7 @@ TEST_CASE("count model: fragments of usual meshes and of needles are foreseen") 
     CAPTURE(k);
     const Shape& shape = shapes[k];
     const amps::detail::ForeseenSize size =
-        amps::detail::foresee_size(shape.mesh, amps::detail::WantedRadii(shape.radius, ConflictRule::kMax), 1e6);
+        amps::detail::foresee_size(shape.mesh, amps::total_area(shape.mesh), amps::detail::WantedRadii(shape.radius, ConflictRule::kMax), 1e6);
     const Counted is = counted(shape.mesh, amps::sample(shape.mesh, with_radius(shape.radius)).samples);
     CAPTURE(size.samples());
     CAPTURE(is.samples);
@@ -87,7 +87,7 @@ TEST_CASE("count model: with a field fragments are foreseen, too") {
   const Mesh mesh = prism(100, 200, 1);
   const SizingField field = amps::vertex_sizing(mesh, graded_radii(mesh, 4, 2));
   const amps::detail::ForeseenSize size =
-      amps::detail::foresee_size(mesh, amps::detail::WantedRadii(field, ConflictRule::kMax), 1e6);
+      amps::detail::foresee_size(mesh, amps::total_area(mesh), amps::detail::WantedRadii(field, ConflictRule::kMax), 1e6);
   const Counted is = counted(mesh, amps::sample(mesh, with_sizing(field)).samples);
   CAPTURE(size.crossings);
   CAPTURE(is.fragments);
