@@ -50,6 +50,7 @@
 //   power_diagram.h  RestrictedPowerDiagram: the surface cut into the cells of the samples
 //   power_diagram_clipper  (internal) its polygons, cut by bisectors
 //   power_diagram_edit     (its .cpp only) inserting and removing sites
+//   power_diagram_pending  (its .cpp only) edits side by side
 //   power_diagram_local    (its .cpp only) facets divided among the sites that reach them
 //   sizing.h         sizing fields: the wanted radius at each point of a surface
 //   sizing_lattice.h  (internal) its tables: lattices on facets, interpolation, the integral that counts samples

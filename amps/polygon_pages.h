@@ -86,6 +86,12 @@ class PolygonPages {
   const Vec3* corners(Index room) const { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
   const Index* labels(Index room) const { return pages_[slot(room >> kPageBits)].labels + (room & kPageMask); }
 
+  /// So many pages can be added without moving the list of them: others may read rooms meanwhile.
+  void reserve_pages(std::size_t more) {
+    const std::size_t wanted = pages_.size() + more;
+    if (wanted > pages_.capacity()) pages_.reserve(wanted + wanted / 8);
+  }
+
   /// Corners that there is memory for.
   std::size_t capacity() const { return pages_.size() << kPageBits; }
   /// Of these, in rooms that were given back.

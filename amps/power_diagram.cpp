@@ -546,13 +546,9 @@ RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
 }
 
 /// Puts a fragment at the head of its two lists.
-void RestrictedPowerDiagram::link(Index f) {
+void RestrictedPowerDiagram::link_to_site(Index f) {
   Fragment& fragment = fragments_[slot(f)];
-  Index& of_facet = first_of_facet_[slot(fragment.facet)];
-  fragment.next_of_facet = of_facet;
-  fragment.next_of_site = fragment.previous_of_site = fragment.previous_of_facet = kNone;
-  if (of_facet != kNone) fragments_[slot(of_facet)].previous_of_facet = f;
-  of_facet = f;
+  fragment.next_of_site = fragment.previous_of_site = kNone;
   if (fragment.site == kNone) return;
   Index& of_site = first_of_site_[slot(fragment.site)];
   fragment.next_of_site = of_site;
@@ -560,12 +556,31 @@ void RestrictedPowerDiagram::link(Index f) {
   of_site = f;
 }
 
-void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper) {
-  store_polygon(fragment, clipper.corners(), clipper.labels().begin(), clipper.size());
+void RestrictedPowerDiagram::link_in_facet(Index f) {
+  Fragment& fragment = fragments_[slot(f)];
+  Index& of_facet = first_of_facet_[slot(fragment.facet)];
+  fragment.next_of_facet = of_facet;
+  fragment.previous_of_facet = kNone;
+  if (of_facet != kNone) fragments_[slot(of_facet)].previous_of_facet = f;
+  of_facet = f;
 }
 
-void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size) {
+void RestrictedPowerDiagram::unlink_in_facet(Index f) {
+  const Fragment& fragment = fragments_[slot(f)];
+  (fragment.previous_of_facet == kNone ? first_of_facet_[slot(fragment.facet)]
+                                       : fragments_[slot(fragment.previous_of_facet)].next_of_facet) = fragment.next_of_facet;
+  if (fragment.next_of_facet != kNone) fragments_[slot(fragment.next_of_facet)].previous_of_facet = fragment.previous_of_facet;
+}
+
+void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper, EditRecord& edit) {
+  store_polygon(fragment, clipper.corners(), clipper.labels().begin(), clipper.size(), edit);
+}
+
+void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size,
+                                           EditRecord& edit) {
   if (size != fragment.size) {
+    std::unique_lock<std::mutex> lock;
+    if (edit.pages != nullptr) lock = std::unique_lock<std::mutex>(*edit.pages);
     if (fragment.size != 0) polygons_.release(fragment.room, std::exchange(fragment.size, 0));
     fragment.room = polygons_.allocate(size);
     fragment.size = size;
@@ -575,41 +590,61 @@ void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3* corne
   bound(fragment, corners);
 }
 
-void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper) {
-  add_fragment(facet, site, clipper.corners(), clipper.labels().begin(), clipper.size());
+Index RestrictedPowerDiagram::take_slot(EditRecord& edit) {
+  std::vector<Index>& slots = edit.beside_others ? edit.slots : free_fragments_;
+  AMPS_ASSERT(!edit.beside_others || !slots.empty());
+  if (slots.empty()) {
+    fragments_.push_back(Fragment());
+    return fragment_capacity() - 1;
+  }
+  const Index f = slots.back();
+  slots.pop_back();
+  return f;
 }
 
-void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size) {
-  Index f;
-  if (free_fragments_.empty()) {
-    f = static_cast<Index>(fragments_.size());
-    fragments_.push_back(Fragment());
-  } else {
-    f = free_fragments_.back();
-    free_fragments_.pop_back();
-  }
+void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper, EditRecord& edit) {
+  add_fragment(facet, site, clipper.corners(), clipper.labels().begin(), clipper.size(), edit);
+}
+
+void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size,
+                                          EditRecord& edit) {
+  const Index f = take_slot(edit);
   fragments_[slot(f)].facet = facet;
   fragments_[slot(f)].site = site;
-  store_polygon(fragments_[slot(f)], corners, labels, size);
-  link(f);
-  ++num_fragments_;
-  changed_.push_back(f);
-  if (site != kNone) changed_sites_.push_back(site);
+  store_polygon(fragments_[slot(f)], corners, labels, size, edit);
+  link_to_site(f);
+  if (edit.beside_others) {
+    edit.facet_changes.push_back({f, true});
+    ++edit.fragments_added;
+  } else {
+    link_in_facet(f);
+    ++num_fragments_;
+  }
+  edit.changed.push_back(f);
+  if (site != kNone) edit.changed_sites.push_back(site);
 }
 
-void RestrictedPowerDiagram::free_fragment(Index f) {
+void RestrictedPowerDiagram::free_fragment(Index f, EditRecord& edit) {
   Fragment& fragment = fragments_[slot(f)];
   if (fragment.site != kNone) {
     (fragment.previous_of_site == kNone ? first_of_site_[slot(fragment.site)]
                                         : fragments_[slot(fragment.previous_of_site)].next_of_site) = fragment.next_of_site;
     if (fragment.next_of_site != kNone) fragments_[slot(fragment.next_of_site)].previous_of_site = fragment.previous_of_site;
   }
-  (fragment.previous_of_facet == kNone ? first_of_facet_[slot(fragment.facet)]
-                                       : fragments_[slot(fragment.previous_of_facet)].next_of_facet) = fragment.next_of_facet;
-  if (fragment.next_of_facet != kNone) fragments_[slot(fragment.next_of_facet)].previous_of_facet = fragment.previous_of_facet;
-  polygons_.release(fragment.room, std::exchange(fragment.size, 0));
-  --num_fragments_;
-  free_fragments_.push_back(f);
+  {
+    std::unique_lock<std::mutex> lock;
+    if (edit.pages != nullptr) lock = std::unique_lock<std::mutex>(*edit.pages);
+    polygons_.release(fragment.room, std::exchange(fragment.size, 0));
+  }
+  if (edit.beside_others) {
+    edit.facet_changes.push_back({f, false});
+    --edit.fragments_added;
+    edit.freed.push_back(f);
+  } else {
+    unlink_in_facet(f);
+    --num_fragments_;
+    free_fragments_.push_back(f);
+  }
 }
 
 void RestrictedPowerDiagram::compact(const Execution& execution) {

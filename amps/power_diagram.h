@@ -37,6 +37,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstdint>
+#include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
@@ -136,6 +137,34 @@ class RestrictedPowerDiagram {
   /// kInvalidArgument if s is not a removed id.
   AMPS_EXPORT void reinsert(Index s, const Vec3& position, double weight, Index near = kNone);
 
+  class PendingEdit;
+  class PendingEdits;
+
+  // Edits side by side: several, each of a few sites. One after another they enter the triangulation, by insert_pending(),
+  // reinsert_pending() and remove_pending(); then each gives the fragments to their new owners by carry_out(), on as many
+  // threads as there are edits; and last each is ended by finish(), one after another again. What finish() leaves is what the
+  // same edits leave one by one, and slots are the same for any number of threads. In between the diagram is good for nothing
+  // else.
+
+  /// Before the first of those that go side by side.
+  void begin_side_by_side(PendingEdits& edits);
+  /// insert(), reinsert() and remove() of an edit; all that enters comes before what is removed. False if the edit cannot be
+  /// carried out beside those that have entered before, since cells would change that theirs may change, or since a site is
+  /// hidden by it or comes back from hiding. It is to be withdrawn then. None of its sites may reach a local facet.
+  bool insert_pending(PendingEdit& edit, const Vec3& position, double weight, Index near);
+  bool reinsert_pending(PendingEdit& edit, Index s, const Vec3& position, double weight, Index near);
+  bool remove_pending(PendingEdit& edit, Index s);
+  /// Does an edit that has entered since begin_side_by_side() change the cell of s, as far as is known?
+  bool near_pending(Index s) const;
+  /// Takes back all of an edit that has entered and has not been carried out. Ids it has given out are removed ones.
+  void withdraw_pending(PendingEdit& edit);
+  /// May be called concurrently, each for another edit. Afterwards its thread may read the fragments of sites it has changed.
+  void carry_out(PendingEdit& edit);
+  /// True if more has changed than when carry_out() returned: facets have become local, or there was no room for all.
+  bool finish(PendingEdit& edit);
+  /// After the last of all.
+  void end_side_by_side(PendingEdits& edits);
+
   /// Moves the polygons together in memory if more than half of their room is unused. Edits do that themselves, but only once
   /// three quarters are: for a million sites it takes a tenth of a second. Between edits, and with looks for a cancel: then it
   /// throws Error(kCancelled), and nothing has changed. Polygons seen before are void.
@@ -143,9 +172,9 @@ class RestrictedPowerDiagram {
 
   /// Slots of fragments that the last insert(), remove() or reinsert() created, changed or freed (then not alive), ascending,
   /// each once.
-  const std::vector<Index>& changed() const { return changed_; }
+  const std::vector<Index>& changed() const { return edit_.changed; }
   /// Sites that owned or own one of these, ascending, each once: of no other site have fragments, or dual triangles, changed.
-  const std::vector<Index>& changed_sites() const { return changed_sites_; }
+  const std::vector<Index>& changed_sites() const { return edit_.changed_sites; }
 
   /// Sites whose power cells share a facet with that of s in space (not only on the mesh), ascending. Four far sentinel sites
   /// take part in space, so sites on the outside may lack neighbours across large distances; never ones that share a fragment's
@@ -203,6 +232,28 @@ class RestrictedPowerDiagram {
     float radius = 0;
   };
 
+  /// A fragment that has come into the list of its facet, or is to leave it.
+  struct FacetChange {
+    Index fragment;
+    bool comes;
+  };
+
+  /// What an edit changes. One that is carried out beside others has slots of its own; those that it frees are not used again,
+  /// and lists of facets, which it may share with others, stay as they are until it is finished.
+  struct EditRecord {
+    std::vector<Index> changed, changed_sites;
+    bool beside_others = false;
+    std::vector<Index> slots, freed;
+    std::vector<FacetChange> facet_changes;
+    Index fragments_added = 0;
+    std::mutex* pages = nullptr;
+
+    void clear() {
+      changed.clear();
+      changed_sites.clear();
+    }
+  };
+
   /// Of dividing the fragments of one cell, each in its own facet.
   struct DivideScratch {
     struct FacetsOfSite {
@@ -211,6 +262,7 @@ class RestrictedPowerDiagram {
     };
     std::vector<Index> owners;
     bool many = false;                ///< so many that those of neighbours are listed by facet
+    bool by_site = false;             ///< lists of facets are not to be read
     std::vector<FacetsOfSite> lists;  ///< of neighbours, as they were when each was first asked for
   };
 
@@ -278,33 +330,43 @@ class RestrictedPowerDiagram {
   void measure_facets(const Execution& execution);
   Plane plane(Index owner, Index other) const;
   int exact_power_at_corner(const Polygon& polygon, Index k) const;
-  void link(Index f);
-  void add_fragment(Index facet, Index site, const Clipper& clipper);
-  void add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size);
-  void store_polygon(Fragment& fragment, const Clipper& clipper);
-  void store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size);
+  void link_to_site(Index f);
+  void link_in_facet(Index f);
+  void unlink_in_facet(Index f);
+  Index take_slot(EditRecord& edit);
+  void add_fragment(Index facet, Index site, const Clipper& clipper, EditRecord& edit);
+  void add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size, EditRecord& edit);
+  void store_polygon(Fragment& fragment, const Clipper& clipper, EditRecord& edit);
+  void store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size, EditRecord& edit);
   static void bound(Fragment& fragment, const Vec3* corner);
-  void free_fragment(Index f);
+  void free_fragment(Index f, EditRecord& edit);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
-  std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper);
+  std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper, EditRecord& edit);
   void prefetch_polygon(Index f) const;
   void prefetch_facet_corners(Index facet) const;
   std::uint32_t new_stamp();
   std::vector<Index> link_of(Index s);
   Index hint_cell(Index near) const;
-  void take_cell(Index s, const std::vector<Index>& around);
+  bool take_cell(Index s, const std::vector<Index>& around, EditRecord& edit);
   std::vector<Index> find_touched(Index s, const std::vector<Index>& around, std::vector<Plane>& planes) const;
   void find_cell(Clipper& clipper, NewCell& cell) const;
   void store_cell(const NewCell& cell);
   void retake_cell(Index s);
   void add_uncovered(std::vector<Index>& candidates);
-  void divide_cell(Index s, const std::vector<Index>& candidates);
-  void divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper, DivideScratch& scratch);
+  bool divide_cell(Index s, const std::vector<Index>& candidates, EditRecord& edit);
+  void divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper, DivideScratch& scratch,
+                       EditRecord& edit);
   void find_possible_owners(Index f, const std::vector<Index>& candidates, std::vector<Index>& possible_owners) const;
   Index owner_of_corner(Index facet, const std::vector<Index>& among) const;
   Index fragment_of(Index facet, Index site) const;
   Index fragment_of(Index facet, Index site, DivideScratch& scratch) const;
-  void finish_edit();
+  void finish_edit() { finish_edit(edit_); }
+  void finish_edit(EditRecord& edit);
+  void hold_slots(PendingEdit& edit, std::size_t count);
+  bool mark_pending(PendingEdit& edit, Index vertex, bool changes);
+  bool enter_pending(PendingEdit& edit, Index s);
+  void run_steps(PendingEdit& edit);
+  void list_new_neighbors(Index s, std::vector<Index>& around);
 
   // Local facets (power_diagram_local.cpp).
   void find_local_facets(const Execution& execution);
@@ -347,11 +409,53 @@ class RestrictedPowerDiagram {
   double min_weight_ = 0;                          ///< theirs
   Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
-  std::vector<Index> changed_, changed_sites_;
+  EditRecord edit_;  ///< of the last insert(), remove() or reinsert()
   std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of edits
   std::uint32_t last_stamp_ = 0;
+  std::vector<std::uint32_t> mark_;  ///< by vertex of the triangulation: the last edit side by side that was near it
+  std::uint32_t first_mark_ = 1;     ///< of the edits under way
   double seconds_triangulation_ = 0;
   Outcome status_ = Outcome::kDone;
+};
+
+/// One of several edits that are carried out side by side.
+class RestrictedPowerDiagram::PendingEdit {
+ public:
+  /// As those of the diagram, of the edit as far as it has come.
+  const std::vector<Index>& changed() const { return record_.changed; }
+  const std::vector<Index>& changed_sites() const { return record_.changed_sites; }
+
+ private:
+  friend class RestrictedPowerDiagram;
+
+  struct Step {
+    Index site = kNone;
+    bool enters = false;
+    Vec3 position = Vec3::Zero();  ///< of what is removed
+    double weight = 0;
+    std::vector<Index> around;  ///< vertices of the triangulation: the neighbours it has got, or had
+  };
+  Step& add_step();
+
+  std::vector<Step> steps_;
+  std::size_t num_steps_ = 0, next_step_ = 0;
+  std::uint32_t mark_ = 0;
+  bool has_foreign_ = false;
+  EditRecord record_;
+};
+
+/// So many at most. They keep memory, and slots of the diagram, for those that come next, until end_side_by_side().
+class RestrictedPowerDiagram::PendingEdits {
+ public:
+  explicit PendingEdits(std::size_t count) : edits_(count) {}
+  std::size_t size() const { return edits_.size(); }
+  PendingEdit& operator[](std::size_t k) { return edits_[k]; }
+
+ private:
+  friend class RestrictedPowerDiagram;
+
+  std::vector<PendingEdit> edits_;
+  std::mutex pages_;
 };
 
 namespace detail {

@@ -24,9 +24,8 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
   first_of_site_.push_back(kNone);
   reach_.push_back(kNoCell);
   num_guards_ += is_guard(s);
-  changed_.clear();
-  changed_sites_.clear();
-  if (visible(s)) take_cell(s, triangulation_.neighbors_of_last_insertion());
+  edit_.clear();
+  if (visible(s)) take_cell(s, triangulation_.neighbors_of_last_insertion(), edit_);
   if (reach_lists_ != nullptr) enter_local_facets(s);
   finish_edit();
   return s;
@@ -39,16 +38,26 @@ void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weig
   }
   triangulation_.reinsert(s + kSentinels, position, weight, hint_cell(near));
   num_guards_ += is_guard(s);
-  changed_.clear();
-  changed_sites_.clear();
+  edit_.clear();
   if (visible(s)) retake_cell(s);
   if (reach_lists_ != nullptr) enter_local_facets(s);
   finish_edit();
 }
 
+/// The neighbours of a site that has just entered, vertices of the triangulation.
+void RestrictedPowerDiagram::list_new_neighbors(Index s, std::vector<Index>& around) {
+  // Hidden points that had to be placed anew may have left other ones.
+  if (triangulation_.num_hidden() == 0) {
+    around = triangulation_.neighbors_of_last_insertion();
+  } else {
+    around = link_of(s);
+  }
+}
+
 /// Gives a site that has been put back its cell.
 void RestrictedPowerDiagram::retake_cell(Index s) {
-  std::vector<Index> around = link_of(s);
+  std::vector<Index> around;
+  list_new_neighbors(s, around);
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     const WeightedPoint &p = site(s), &q = triangulation_.point(v);
     if (v < kSentinels || p.position() != q.position() || p.w != q.w) continue;
@@ -56,21 +65,31 @@ void RestrictedPowerDiagram::retake_cell(Index s) {
     neighbors(s, around);
     around.push_back(s);
     reach_[slot(s)] = 0;
-    divide_cell(v - kSentinels, around);
+    divide_cell(v - kSentinels, around, edit_);
     return;
   }
-  take_cell(s, around);
+  take_cell(s, around, edit_);
 }
 
-/// Gives a new site its cell. `around`: its neighbours, vertices of the triangulation.
-void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around) {
+/// Gives a new site its cell. `around`: its neighbours, vertices of the triangulation. False, and nothing has changed, where an
+/// edit beside others has too few slots.
+bool RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around, EditRecord& edit) {
   std::vector<Plane> planes;
-  const std::vector<Index> touched = find_touched(s, around, planes);
+  std::vector<Index> touched = find_touched(s, around, planes);
+  if (edit.beside_others) {
+    if (touched.size() > edit.slots.size()) return false;
+  } else {
+    for (const Index v : triangulation_.hidden_by_last_insertion()) {
+      if (v >= kSentinels && v != s + kSentinels) find_touched(v - kSentinels, s, touched);
+    }
+  }
   Clipper clipper(*this);
   clipper.remember_crossings();
-  std::vector<Index> facets = clip_touched(touched, s, clipper);
-  for (const Index v : triangulation_.hidden_by_last_insertion()) {
-    if (v >= kSentinels && v != s + kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
+  std::vector<Index> facets = clip_touched(touched, s, clipper, edit);
+  if (!edit.beside_others) {
+    for (const Index v : triangulation_.hidden_by_last_insertion()) {
+      if (v >= kSentinels && v != s + kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
+    }
   }
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
@@ -79,15 +98,16 @@ void RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around
     clipper.start(s);
     clipper.clip_all(planes.data(), planes.data() + planes.size());
     AMPS_ASSERT(!clipper.empty());
-    add_fragment(facet, s, clipper);
+    add_fragment(facet, s, clipper, edit);
   }
   update_reach(s);
+  return true;
 }
 
-/// Lists the fragments from which the cell of a new site may take something, grouped by site, and the planes of the new site.
+/// Lists the fragments of neighbours from which the cell of a new site may take something, grouped by site, and its planes.
 std::vector<Index> RestrictedPowerDiagram::find_touched(Index s, const std::vector<Index>& around,
                                                         std::vector<Plane>& planes) const {
-  // The new cell takes its place from its neighbours and from the sites it has hidden, and from nobody else.
+  // The new cell takes its place from its neighbours, and from the sites it has hidden, and from nobody else.
   for (const Index v : around) {
     if (v >= kSentinels) planes.push_back(plane(s, v - kSentinels));
   }
@@ -100,9 +120,6 @@ std::vector<Index> RestrictedPowerDiagram::find_touched(Index s, const std::vect
   }
   std::vector<Index> touched;
   for (const Plane& plane : planes) find_touched(plane.site, s, touched);
-  for (const Index v : triangulation_.hidden_by_last_insertion()) {
-    if (v >= kSentinels && v != s + kSentinels) find_touched(v - kSentinels, s, touched);
-  }
   for (const Index f : touched) prefetch_facet_corners(fragments_[slot(f)].facet);
   return touched;
 }
@@ -116,8 +133,7 @@ std::vector<Index> RestrictedPowerDiagram::find_touched(Index s, const std::vect
 void RestrictedPowerDiagram::insert_together(const std::vector<WeightedPoint>& sites, const std::vector<Index>& near,
                                              const Execution& execution) {
   AMPS_ASSERT(status_ != Outcome::kCancelled && reach_lists_ == nullptr && near.size() == sites.size());
-  changed_.clear();
-  changed_sites_.clear();
+  edit_.clear();
   const bool alone = execution.workers() == 1;
   std::vector<NewCell> apart, others;
   const std::uint32_t stamp = new_stamp();
@@ -136,7 +152,7 @@ void RestrictedPowerDiagram::insert_together(const std::vector<WeightedPoint>& s
     }
     stamp_[slot(cell.site + kSentinels)] = stamp;
     if (is_apart && alone) {  // while what is around is in the cache
-      take_cell(cell.site, cell.around);
+      take_cell(cell.site, cell.around, edit_);
     } else {
       (is_apart ? apart : others).push_back(std::move(cell));
     }
@@ -150,7 +166,7 @@ void RestrictedPowerDiagram::insert_together(const std::vector<WeightedPoint>& s
     });
     for (const NewCell& cell : apart) store_cell(cell);
   }
-  for (const NewCell& cell : others) take_cell(cell.site, cell.around);
+  for (const NewCell& cell : others) take_cell(cell.site, cell.around, edit_);
   finish_edit();
 }
 
@@ -187,33 +203,33 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
   const Index* labels = cell.labels.data();
   for (std::size_t k = 0; k < cell.cuts.size(); ++k) {
     const NewCell::Cut& cut = cell.cuts[k];
-    changed_.push_back(cut.fragment);
+    edit_.changed.push_back(cut.fragment);
     if (cut.size == 0) {
-      free_fragment(cut.fragment);
+      free_fragment(cut.fragment, edit_);
     } else {
-      store_polygon(fragments_[slot(cut.fragment)], corners, labels, cut.size);
+      store_polygon(fragments_[slot(cut.fragment)], corners, labels, cut.size, edit_);
     }
     corners += cut.size;
     labels += cut.size;
     if (k + 1 < cell.cuts.size() && cell.cuts[k + 1].site == cut.site) continue;
-    changed_sites_.push_back(cut.site);
+    edit_.changed_sites.push_back(cut.site);
     update_reach(cut.site);
   }
   for (const NewCell::Piece& piece : cell.pieces) {
-    add_fragment(piece.facet, cell.site, corners, labels, piece.size);
+    add_fragment(piece.facet, cell.site, corners, labels, piece.size, edit_);
     corners += piece.size;
     labels += piece.size;
   }
   update_reach(cell.site);
 }
 
-void RestrictedPowerDiagram::finish_edit() {
-  if (4 * polygons_.unused() > 3 * polygons_.capacity()) compact_polygons();
+void RestrictedPowerDiagram::finish_edit(EditRecord& edit) {
+  if (!edit.beside_others && 4 * polygons_.unused() > 3 * polygons_.capacity()) compact_polygons();
   // A slot freed and used again is listed twice.
-  std::sort(changed_.begin(), changed_.end());
-  changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
-  std::sort(changed_sites_.begin(), changed_sites_.end());
-  changed_sites_.erase(std::unique(changed_sites_.begin(), changed_sites_.end()), changed_sites_.end());
+  for (std::vector<Index>* const list : {&edit.changed, &edit.changed_sites}) {
+    std::sort(list->begin(), list->end());
+    list->erase(std::unique(list->begin(), list->end()), list->end());
+  }
 }
 
 /// Lists the fragments of `site` from which the cell of `by` may take something.
@@ -232,7 +248,8 @@ void RestrictedPowerDiagram::find_touched(Index site, Index by, std::vector<Inde
 }
 
 /// Takes the cell of `by` off these fragments, grouped by site, and returns the facets where it took something.
-std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper) {
+std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper,
+                                                        EditRecord& edit) {
   std::vector<Index> facets;
   for (std::size_t k = 0; k < touched.size();) {
     const Index site = fragments_[slot(touched[k])].site;
@@ -243,15 +260,15 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
       if (!clipper.clip(by)) continue;
       any_clipped = true;
       facets.push_back(fragments_[slot(f)].facet);
-      changed_.push_back(f);
+      edit.changed.push_back(f);
       if (clipper.empty()) {
-        free_fragment(f);
+        free_fragment(f, edit);
       } else {
-        store_polygon(fragments_[slot(f)], clipper);
+        store_polygon(fragments_[slot(f)], clipper, edit);
       }
     }
     if (!any_clipped) continue;
-    changed_sites_.push_back(site);
+    edit.changed_sites.push_back(site);
     update_reach(site);
   }
   return facets;
@@ -318,8 +335,7 @@ void RestrictedPowerDiagram::remove(Index s) {
                                                  " is the last one, and a diagram has at least one; insert another first");
   }
   keep_a_guard(s);
-  changed_.clear();
-  changed_sites_.clear();
+  edit_.clear();
   const bool had_cell = visible(s);
   std::vector<Index> candidates;
   if (had_cell) candidates = link_of(s);
@@ -330,7 +346,7 @@ void RestrictedPowerDiagram::remove(Index s) {
     candidates.erase(std::remove_if(candidates.begin(), candidates.end(), [](Index v) { return v < kSentinels; }),
                      candidates.end());
     for (Index& candidate : candidates) candidate -= kSentinels;
-    divide_cell(s, candidates);
+    divide_cell(s, candidates, edit_);
   }
   if (reach_lists_ != nullptr) leave_local_facets(s);
   finish_edit();
@@ -376,8 +392,9 @@ void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& candidates) {
   }
 }
 
-/// Divides the fragments of s, which has no cell any more, among the candidates.
-void RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& candidates) {
+/// Divides the fragments of s, which has no cell any more, among the candidates. False where an edit beside others has too few
+/// slots for all of them: what is left is divided by another call.
+bool RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& candidates, EditRecord& edit) {
   std::vector<Index> left, possible_owners;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
     if (local(fragments_[slot(f)].facet)) continue;
@@ -388,6 +405,7 @@ void RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& cand
   for (const Index f : left) {
     const Index facet = fragments_[slot(f)].facet;
     prefetch_facet_corners(facet);
+    if (edit.beside_others) continue;
     Index grown = first_of_facet(facet);
     for (Index k = 0; k < detail::kFragmentsPrefetched && grown != kNone; ++k, grown = next_of_facet(grown))
       prefetch_polygon(grown);
@@ -396,11 +414,15 @@ void RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& cand
   clipper.remember_crossings();
   DivideScratch scratch;
   scratch.many = left.size() > detail::kManyFragments;
+  scratch.by_site = edit.beside_others;
   reach_[slot(s)] = kNoCell;
   for (const Index f : left) {
     find_possible_owners(f, candidates, possible_owners);
-    divide_fragment(f, possible_owners, clipper, scratch);
+    // Owners are among these and the sites beyond its edges.
+    if (edit.beside_others && possible_owners.size() + slot(fragments_[slot(f)].size) > edit.slots.size()) return false;
+    divide_fragment(f, possible_owners, clipper, scratch, edit);
   }
+  return true;
 }
 
 /// The candidates that may own something in fragment f. At its points, in the ball around it, the owner's power is at most what
@@ -424,16 +446,16 @@ void RestrictedPowerDiagram::find_possible_owners(Index f, const std::vector<Ind
 }
 
 void RestrictedPowerDiagram::divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper,
-                                             DivideScratch& scratch) {
+                                             DivideScratch& scratch, EditRecord& edit) {
   const Polygon left = polygon(f);
   std::vector<Index>& owners = scratch.owners;
   owners.clear();
   for (Index k = 0; k < left.size; ++k) {
     if (is_site(left.labels[k])) owners.push_back(left.labels[k]);
   }
-  free_fragment(f);
-  changed_.push_back(f);
-  changed_sites_.push_back(left.site);
+  free_fragment(f, edit);
+  edit.changed.push_back(f);
+  edit.changed_sites.push_back(left.site);
   if (owners.empty()) owners.push_back(owner_of_corner(left.facet, possible_owners));
   for (std::size_t n = 0; n < owners.size(); ++n) {
     const Index owner = owners[n], grown = fragment_of(left.facet, owner, scratch);
@@ -459,14 +481,14 @@ void RestrictedPowerDiagram::divide_fragment(Index f, const std::vector<Index>& 
       }
     }
     if (grown == kNone) {
-      add_fragment(left.facet, owner, clipper);
+      add_fragment(left.facet, owner, clipper, edit);
     } else {
-      store_polygon(fragments_[slot(grown)], clipper);
-      changed_.push_back(grown);
-      changed_sites_.push_back(owner);
+      store_polygon(fragments_[slot(grown)], clipper, edit);
+      edit.changed.push_back(grown);
+      edit.changed_sites.push_back(owner);
     }
     if (local(left.facet)) continue;  // what an edit looks for by reach_ are others
-    const double farthest = reach(grown == kNone ? changed_.back() : grown);
+    const double farthest = reach(grown == kNone ? edit.changed.back() : grown);
     double& known = reach_[slot(owner)];
     if (farthest > known || std::isnan(farthest)) known = farthest;
   }
@@ -500,7 +522,12 @@ Index RestrictedPowerDiagram::fragment_of(Index facet, Index site) const {
 /// not know of what dividing adds. On needles a cell has hundreds of fragments, and so has a facet; going along either for each
 /// fragment and each neighbour was half of the time of an optimisation.
 Index RestrictedPowerDiagram::fragment_of(Index facet, Index site, DivideScratch& scratch) const {
-  if (!scratch.many) return fragment_of(facet, site);
+  if (!scratch.many) {
+    if (!scratch.by_site) return fragment_of(facet, site);
+    Index f = first_of_site(site);
+    while (f != kNone && fragments_[slot(f)].facet != facet) f = next_of_site(f);
+    return f;
+  }
   auto of_site = std::find_if(scratch.lists.begin(), scratch.lists.end(), [&](const auto& list) { return list.site == site; });
   if (of_site == scratch.lists.end()) {
     of_site = scratch.lists.insert(of_site, {site, {}});

@@ -96,15 +96,15 @@ void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
     dividing.tick();
     localize(facet);
   }
-  changed_.clear();
-  changed_sites_.clear();
+  edit_.changed.clear();
+  edit_.changed_sites.clear();
 }
 
 /// Fragments that an edit has changed may be foreign now: after an insertion those of the new owner, since all others have
 /// shrunk; after a removal (kNone) any.
 void RestrictedPowerDiagram::localize_foreign(Index owner) {
   std::vector<Index> facets;
-  for (const Index f : changed_) {
+  for (const Index f : edit_.changed) {
     if (!alive(f) || (owner != kNone && fragments_[slot(f)].site != owner) || local(fragments_[slot(f)].facet)) continue;
     if (is_foreign(f)) facets.push_back(fragments_[slot(f)].facet);
   }
@@ -116,9 +116,9 @@ void RestrictedPowerDiagram::localize_foreign(Index owner) {
 void RestrictedPowerDiagram::localize(Index facet) {
   for (Index f = first_of_facet(facet), next = kNone; f != kNone; f = next) {
     next = next_of_facet(f);
-    changed_.push_back(f);
-    changed_sites_.push_back(fragments_[slot(f)].site);
-    free_fragment(f);
+    edit_.changed.push_back(f);
+    edit_.changed_sites.push_back(fragments_[slot(f)].site);
+    free_fragment(f, edit_);
   }
   local_[slot(facet)] = 1;
   divide_locally(facet);
@@ -142,7 +142,7 @@ void RestrictedPowerDiagram::divide_locally(Index facet) {
     const Index s = queue[k];
     clip_locally(facet, s, clipper);
     AMPS_ASSERT(!clipper.empty());
-    add_fragment(facet, s, clipper);
+    add_fragment(facet, s, clipper, edit_);
     for (const Index label : clipper.labels()) {
       if (!is_site(label) || stamp_[slot(label + kSentinels)] == stamp) continue;
       stamp_[slot(label + kSentinels)] = stamp;
@@ -155,7 +155,7 @@ void RestrictedPowerDiagram::add_ownerless_fragment(Index facet) {
   Clipper clipper(*this);
   clipper.set_facet(facet);
   clipper.start_ownerless();
-  add_fragment(facet, kNone, clipper);
+  add_fragment(facet, kNone, clipper, edit_);
 }
 
 void RestrictedPowerDiagram::make_site_tree() {
@@ -281,7 +281,7 @@ bool RestrictedPowerDiagram::enter_large_facet(Index facet, Index s, Clipper& cl
   clipper.start(s);
   clipper.clip_all(planes.data(), planes.data() + planes.size());
   AMPS_ASSERT(!clipper.empty());
-  add_fragment(facet, s, clipper);
+  add_fragment(facet, s, clipper, edit_);
   return true;
 }
 
@@ -294,10 +294,10 @@ void RestrictedPowerDiagram::enter_local_facet(Index facet, Index s, Clipper& cl
   if (clipper.empty()) return;
   const Index first = first_of_facet(facet);
   if (first != kNone && fragments_[slot(first)].site == kNone) {
-    changed_.push_back(first);
-    free_fragment(first);
+    edit_.changed.push_back(first);
+    free_fragment(first, edit_);
   }
-  add_fragment(facet, s, clipper);
+  add_fragment(facet, s, clipper, edit_);
   // It takes from those beyond its edges, and from whom these border on and are cut from.
   std::vector<Index> from(clipper.labels().begin(), clipper.labels().end());
   if (std::none_of(from.begin(), from.end(), is_site)) {  // it owns all of the facet
@@ -329,12 +329,12 @@ std::vector<Index> RestrictedPowerDiagram::cut_local_fragments(Index facet, Inde
     clipper.load(old);
     if (!clipper.clip(s)) continue;
     cut.push_back(queue[k]);
-    changed_.push_back(f);
-    changed_sites_.push_back(queue[k]);
+    edit_.changed.push_back(f);
+    edit_.changed_sites.push_back(queue[k]);
     if (clipper.empty()) {
-      free_fragment(f);
+      free_fragment(f, edit_);
     } else {
-      store_polygon(fragments_[slot(f)], clipper);
+      store_polygon(fragments_[slot(f)], clipper, edit_);
     }
     add_sites(labels);
   }
@@ -360,13 +360,13 @@ void RestrictedPowerDiagram::give_local_facets_away(Index s) {
   for (const Index f : left) {
     find_local_candidates(f, candidates);
     if (!candidates.empty()) {
-      divide_fragment(f, candidates, clipper, scratch);
+      divide_fragment(f, candidates, clipper, scratch, edit_);
       continue;
     }
     const Index facet = fragments_[slot(f)].facet;
-    changed_.push_back(f);
-    changed_sites_.push_back(s);
-    free_fragment(f);
+    edit_.changed.push_back(f);
+    edit_.changed_sites.push_back(s);
+    free_fragment(f, edit_);
     add_ownerless_fragment(facet);
   }
 }

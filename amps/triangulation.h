@@ -138,8 +138,8 @@ class RegularTriangulation {
   /// remove(): meaningless.
   const std::vector<Index>& hidden_by_last_insertion() const { return hidden_by_last_; }
 
-  /// Neighbours of the vertex that the last insert() of one point (not reinsert) made, kInfinite included, in no particular
-  /// order. Meaningless if it was hidden or dimension() < 3.
+  /// Neighbours of the vertex that the last insert() of one point made, kInfinite included, in no particular order; of
+  /// reinsert() likewise if no point is hidden. Meaningless if it was hidden or dimension() < 3.
   const std::vector<Index>& neighbors_of_last_insertion() const { return cavity_vertices_; }
 
   /// −1 empty, 0 all at one position, 1 on a line, 2 in a plane, 3 proper: only then are there cells.
