@@ -76,6 +76,10 @@ bool GapFiller::has_gaps() const {
   return std::any_of(stretches_.begin(), stretches_.end(), [](const Stretch& stretch) { return stretch.gaps.total() > 0; });
 }
 
+bool GapFiller::has_gap_in(const std::vector<Index>& fragments) {
+  return std::any_of(fragments.begin(), fragments.end(), [this](Index f) { return gap_weight(f, gap_) > 0; });
+}
+
 double GapFiller::total_weight() const {
   double total = 0;
   for (const Stretch& stretch : stretches_) total += stretch.gaps.total();

@@ -86,6 +86,8 @@ class GapFiller {
   void forget();
 
   bool has_gaps() const;
+  /// Has one of these fragments a gap? They are not looked at as by look_at().
+  bool has_gap_in(const std::vector<Index>& fragments);
   /// Darts into the gaps of what was looked at, and of what changes meanwhile.
   GapFilling fill(Rng& rng, const GapFillLimits& limits, const Enter& enter) { return fill(rng, limits, enter, nullptr); }
   /// By the same law, with several samples at a time entered into the diagram: `enter` enters a sample into everything else.

@@ -16,8 +16,9 @@
 #include <array>
 #include <cmath>
 #include <iterator>
-#include <memory>
 #include <locale>
+#include <memory>
+#include <optional>
 #include <ostream>
 #include <sstream>
 #include <string>
@@ -213,7 +214,9 @@ struct EditSeries {
 /// Carries out refills, and keeps those that lower the energy of all samples affected: their stars are the only ones to change.
 class Refiller {
  public:
-  explicit Refiller(OptimizeState& state) : state_(state), filler_(state.diagram, state.samples.disks(), state.radii) {
+  explicit Refiller(OptimizeState& state)
+      : state_(state), filler_(state.diagram, state.samples.disks(), state.radii), pending_(kItemsPerBatch) {
+    for (std::size_t k = 0; k < kItemsPerBatch; ++k) beside_.push_back(std::make_unique<EditBeside>(state));
     grow();
   }
 
@@ -222,33 +225,76 @@ class Refiller {
 
   /// What was proposed for a bad item at that time, unless an edit since then has changed what it relies on.
   void carry_out(const BadItem& item, const Proposal& proposal, std::uint64_t planned_at) {
-    OptimizeReport& report = state_.report;
-    report.trials += proposal.trials;
-    if (proposal.kind == Proposal::Kind::kNothing) return;
-    if (proposal.kind == Proposal::Kind::kInPlace || copies_mislead_[slot(item.a)]) {
-      if (state_.is_current(item) && !changed_since(planned_at, item.a)) refill_in_place(item, Accept::kBetter);
+    if (!is_due(item, proposal, planned_at)) return;
+    if (is_for_in_place(item, proposal)) {
+      refill_in_place(item, Accept::kBetter);
       return;
-    }
-    for (const Index s : proposal.seen) {
-      if (changed_since(planned_at, s)) return;
     }
     SampleEdit edit(state_.samples, proposal.removed);
-    if (!state_.samples.are_apart(proposal.added, state_.radii.rule())) {  // some disk of another sheet
-      copies_mislead_[slot(item.a)] = 1;
-      edit.undo();
-      return;
-    }
-    ++report.edits;
+    if (!starts(edit, item, proposal)) return;
     Index near = proposal.removed.front();
     for (const Sample& sample : proposal.added) near = edit.enter(sample, near);
     edit.take_out();
-    if (fill(edit) && energy_change(edit) < -kMinGain && !hides_a_sample(edit) && keeps_topology(edit)) {
-      keep(edit);
-    } else {
-      copies_mislead_[slot(item.a)] = 1;
-      edit.undo();
-    }
+    fill_and_end(edit, item);
   }
+
+  // Several refills side by side: begin_batch(), begin() of one after another, carry_out_beside() of each, on as many threads,
+  // and end_batch().
+
+  void begin_batch() {
+    num_begun_ = 0;
+    state_.samples.begin_side_by_side(pending_);
+  }
+
+  enum class Begun { kYes, kNothing, kAlone };  ///< kAlone: to be carried out by itself, after the batch
+
+  /// Up to kItemsPerBatch times. What comes of it is as if each ended before the next began.
+  Begun begin(const BadItem& item, const Proposal& proposal, std::uint64_t planned_at) {
+    if (!is_due(item, proposal, planned_at)) return Begun::kNothing;
+    const auto is_near_others = [this](Index s) { return state_.diagram.near_pending(s); };
+    if (is_for_in_place(item, proposal) || std::any_of(proposal.seen.begin(), proposal.seen.end(), is_near_others)) {
+      return Begun::kAlone;
+    }
+    EditBeside& beside = *beside_[num_begun_];
+    SampleEdit& edit = beside.edit.emplace(state_.samples, proposal.removed);
+    if (!starts(edit, item, proposal)) return Begun::kNothing;
+    if (!edit.begin(proposal.added, proposal.removed.front(), pending_[num_begun_])) {
+      edit.undo();
+      --state_.report.edits;
+      return Begun::kAlone;
+    }
+    beside.item = item;
+    ++num_begun_;
+    return Begun::kYes;
+  }
+
+  std::size_t num_begun() const { return num_begun_; }
+
+  void carry_out_beside(std::size_t k) {
+    EditBeside& beside = *beside_[k];
+    beside.edit->carry_out(pending_[k]);
+    beside.reader.rate_crossings(state_.reader.rates_crossings());
+    beside.complete = !beside.gaps.has_gap_in(beside.edit->changed_fragments());
+    if (beside.complete) rate(*beside.edit, beside.reader, beside.rating);
+  }
+
+  void end_batch() {
+    bool more = false;
+    for (std::size_t k = 0; k < num_begun_; ++k) more = beside_[k]->edit->finish(pending_[k]) || more;
+    // Those with gaps last: what fills these may change stars of the others.
+    for (std::size_t k = 0; k < num_begun_; ++k) {
+      EditBeside& beside = *beside_[k];
+      beside.complete = beside.complete && !more;
+      if (beside.complete) keep_or_undo(*beside.edit, beside.rating, beside.item);
+    }
+    for (std::size_t k = 0; k < num_begun_; ++k) {
+      if (!beside_[k]->complete) fill_and_end(*beside_[k]->edit, beside_[k]->item);
+    }
+    num_begun_ = 0;
+  }
+
+  /// After the last batch.
+  void give_back() { state_.samples.end_side_by_side(pending_); }
 
   enum class Accept { kBetter, kAny };
 
@@ -264,10 +310,12 @@ class Refiller {
       ++state_.report.trials;
       ++state_.report.edits;
       ++edits_in_place_;
-      const bool good = fill(edit) && (energy_change(edit) < -kMinGain || accept == Accept::kAny);
-      if (good && !hides_a_sample(edit) && keeps_topology(edit)) {
-        keep(edit);
-        return;
+      if (fill(edit)) {
+        rate(edit, state_.reader, rating_);
+        if (is_good(edit, rating_, accept)) {
+          keep(edit, rating_);
+          return;
+        }
       }
       edit.withdraw();
     }
@@ -352,19 +400,69 @@ class Refiller {
     if (!free.empty()) patch.push_back(free[state_.rng.below(free.size())]);
   }
 
-  /// Of the edit so far; reads the stars it affects, for keep().
-  double energy_change(SampleEdit& edit) {
+  /// What an edit makes of the samples it affects.
+  struct EditRating {
+    DualStars stars;
+    double energy_change = 0;
+  };
+
+  /// Of the edit so far.
+  void rate(SampleEdit& edit, StarReader& reader, EditRating& rating) const {
     const std::vector<Index>& affected = edit.affected();
     double before = 0, after = 0;
     for (const SampleChange::Removed& old : edit.removed()) before += state_.stars.energy[slot(old.id)];
-    new_stars_.resize(affected.size());
+    rating.stars.resize(affected.size());
     for (std::size_t k = 0; k < affected.size(); ++k) {
       const Index s = affected[k];
       if (!edit.has_added(s)) before += state_.stars.energy[slot(s)];
-      after += new_stars_.energy[k] = state_.reader.energy(s, new_stars_.star[k]);
+      after += rating.stars.energy[k] = reader.energy(s, rating.stars.star[k]);
     }
-    energy_change_ = after - before;
-    return energy_change_;
+    rating.energy_change = after - before;
+  }
+
+  bool is_good(SampleEdit& edit, const EditRating& rating, Accept accept) {
+    return (rating.energy_change < -kMinGain || accept == Accept::kAny) && !hides_a_sample(edit) &&
+           keeps_topology(edit, rating.stars);
+  }
+
+  void keep_or_undo(SampleEdit& edit, const EditRating& rating, const BadItem& item) {
+    if (is_good(edit, rating, Accept::kBetter)) {
+      keep(edit, rating);
+    } else {
+      copies_mislead_[slot(item.a)] = 1;
+      edit.undo();
+    }
+  }
+
+  void fill_and_end(SampleEdit& edit, const BadItem& item) {
+    if (fill(edit)) {
+      rate(edit, state_.reader, rating_);
+    } else {
+      rating_.energy_change = INFINITY;
+    }
+    keep_or_undo(edit, rating_, item);
+  }
+
+  /// Is there something to be done, and has nothing changed that it relies on?
+  bool is_due(const BadItem& item, const Proposal& proposal, std::uint64_t planned_at) {
+    if (proposal.kind == Proposal::Kind::kNothing) return false;
+    if (is_for_in_place(item, proposal)) return state_.is_current(item) && !changed_since(planned_at, item.a);
+    return std::none_of(proposal.seen.begin(), proposal.seen.end(), [&](Index s) { return changed_since(planned_at, s); });
+  }
+
+  bool is_for_in_place(const BadItem& item, const Proposal& proposal) const {
+    return proposal.kind == Proposal::Kind::kInPlace || copies_mislead_[slot(item.a)];
+  }
+
+  /// Counts the edit. False, and it is undone, where a disk would be too near to one of another sheet.
+  bool starts(SampleEdit& edit, const BadItem& item, const Proposal& proposal) {
+    if (!state_.samples.are_apart(proposal.added, state_.radii.rule())) {
+      copies_mislead_[slot(item.a)] = 1;
+      edit.undo();
+      return false;
+    }
+    ++state_.report.edits;
+    return true;
   }
 
   /// Has a new sample no part of the surface, or an old one none any more? By the min rule a disk may cover smaller ones; by
@@ -376,10 +474,10 @@ class Refiller {
     return std::any_of(added.begin(), added.end(), is_hidden) || std::any_of(affected.begin(), affected.end(), is_hidden);
   }
 
-  /// Is the dual of the same topology after what energy_change() was last asked of? Where disks of triangles around samples
-  /// away from curves, met once each, are replaced by such, their sum of 6 less the valence says so: six times the Euler
-  /// characteristic. All else the certificate decides, at five times the cost.
-  bool keeps_topology(SampleEdit& edit) {
+  /// Is the dual of the same topology after the edit, of which the samples affected have these stars? Where disks of triangles
+  /// around samples away from curves, met once each, are replaced by such, their sum of 6 less the valence says so: six times
+  /// the Euler characteristic. All else the certificate decides, at five times the cost.
+  bool keeps_topology(SampleEdit& edit, const DualStars& stars) {
     if (state_.topology == nullptr) return true;
     const std::vector<Index>& affected = edit.affected();
     bool all_disks = true;
@@ -392,14 +490,13 @@ class Refiller {
     for (std::size_t k = 0; k < affected.size(); ++k) {
       const Index s = affected[k];
       if (!edit.has_added(s)) add(s, state_.stars.star[slot(s)], -1);
-      add(s, new_stars_.star[k], 1);
+      add(s, stars.star[k], 1);
     }
     if (all_disks) return change == 0;
     return state_.topology->check(state_.diagram, state_.topology_samples, affected, topology_scratch_).holds();
   }
 
-  /// What energy_change() was last asked of.
-  void keep(SampleEdit& edit) {
+  void keep(SampleEdit& edit, const EditRating& rating) {
     ++state_.report.accepted;
     ++time_;
     SampleChange change = edit.keep();
@@ -409,14 +506,27 @@ class Refiller {
       const std::size_t s = slot(change.affected[k]);
       changed_at_[s] = time_;
       copies_mislead_[s] = 0;
-      state_.stars.energy[s] = new_stars_.energy[k];
-      state_.stars.star[s] = new_stars_.star[k];
+      state_.stars.energy[s] = rating.stars.energy[k];
+      state_.stars.star[s] = rating.stars.star[k];
     }
-    energy_change_of_all_ += energy_change_;
+    energy_change_of_all_ += rating.energy_change;
     if (series_ == nullptr) return;
-    series_->energy_change += energy_change_;
+    series_->energy_change += rating.energy_change;
     series_->changes.push_back(std::move(change));
   }
+
+  /// One of a batch, with what its thread uses.
+  struct EditBeside {
+    explicit EditBeside(const OptimizeState& state)
+        : reader(state.diagram, state.rating, state.num_fixed), gaps(state.diagram, state.samples.disks(), state.radii) {}
+
+    BadItem item{};
+    std::optional<SampleEdit> edit;
+    StarReader reader;
+    GapFiller gaps;
+    EditRating rating;
+    bool complete = false;  ///< no gap, and rated
+  };
 
   OptimizeState& state_;
   GapFiller filler_;
@@ -426,8 +536,11 @@ class Refiller {
   std::vector<std::uint64_t> changed_at_;  ///< the time after the edit that changed a sample's star last
   std::vector<char> copies_mislead_;       ///< by sample: the diagram has shown a refill to be less than a copy promised
   EditSeries* series_ = nullptr;
-  double energy_change_ = 0, energy_change_of_all_ = 0;
-  DualStars new_stars_;  ///< of samples affected by the present edit
+  double energy_change_of_all_ = 0;
+  EditRating rating_;  ///< of the present edit
+  std::vector<std::unique_ptr<EditBeside>> beside_;
+  RestrictedPowerDiagram::PendingEdits pending_;
+  std::size_t num_begun_ = 0;
   TopologyChecker::Scratch topology_scratch_;
 };
 
@@ -498,6 +611,7 @@ class Optimizer {
     visiting_ = execution_.part(kSetUpShare, kClosingBegin);
     Outcome status = Outcome::kCancelled;
     completes([&] { status = improve_all(); });
+    refiller_.give_back();
     return end(status);
   }
 
@@ -643,6 +757,11 @@ class Optimizer {
     std::vector<Proposal> proposals;
     std::uint64_t planned_at = 0;
   };
+  struct ItemAlone {
+    BadItem item;
+    Proposal proposal;
+    std::uint64_t planned_at;
+  };
 
   /// Visits items that are sorted by their first corner, in another order.
   void visit(std::vector<BadItem>& items) {
@@ -661,6 +780,7 @@ class Optimizer {
     }
     next.count = 0;
     try_beside(next, tried);
+    carry_out_alone();
   }
 
   void plan(Batch& batch) {
@@ -681,32 +801,53 @@ class Optimizer {
     }
   }
 
-  /// Carries out what was proposed for one batch, in order, while others make the trials of the next, which see nothing of it:
-  /// so it comes out the same where one thread does all.
+  /// Begins what was proposed for one batch, in order, while others make the trials of the next, which see nothing of it; then
+  /// it is carried out side by side. So it comes out the same where one thread does all.
   void try_beside(Batch& next, Batch& tried) {
     const std::size_t tasks = (next.count + kItemsPerTask - 1) / kItemsPerTask;
-    parallel_for(1 + tasks, 1, visiting_, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t task = begin; task < end; ++task) {
-        if (task == 0) {
-          carry_out(tried);
-        } else {
-          RefillFinder finder = state_.finder();
-          finder.look_at(state_.seen);
-          const std::size_t first = (task - 1) * kItemsPerTask, last = std::min(first + kItemsPerTask, next.count);
-          for (std::size_t k = first; k < last; ++k) {
-            next.proposals[k] = finder.find(next.plans[k], next.rngs[k]);
-          }
-        }
+    const auto run_task = [&](std::size_t task) {
+      if (task == 0) {
+        carry_out_alone();
+        begin(tried);
+        return;
       }
+      RefillFinder finder = state_.finder();
+      finder.look_at(state_.seen);
+      const std::size_t first = (task - 1) * kItemsPerTask, last = std::min(first + kItemsPerTask, next.count);
+      for (std::size_t k = first; k < last; ++k) next.proposals[k] = finder.find(next.plans[k], next.rngs[k]);
+    };
+    const bool complete = completes([&] {
+      parallel_for(1 + tasks, 1, visiting_, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t task = begin; task < end; ++task) run_task(task);
+      });
     });
+    // What has begun is brought to its end, come what may.
+    parallel_for(refiller_.num_begun(), 1, visiting_.without_progress(), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) refiller_.carry_out_beside(k);
+    });
+    refiller_.end_batch();
+    if (!complete) visiting_.check();
   }
 
   /// Between edits a cancel ends it.
-  void carry_out(const Batch& batch) {
+  void begin(Batch& batch) {
+    if (batch.count == 0) return;
+    refiller_.begin_batch();
     for (std::size_t k = 0; k < batch.count; ++k) {
       visiting_.check();
-      refiller_.carry_out(batch.items[k], batch.proposals[k], batch.planned_at);
+      state_.report.trials += batch.proposals[k].trials;
+      if (refiller_.begin(batch.items[k], batch.proposals[k], batch.planned_at) != Refiller::Begun::kAlone) continue;
+      alone_.push_back({batch.items[k], std::move(batch.proposals[k]), batch.planned_at});
     }
+  }
+
+  /// What could not be carried out beside others of its batch.
+  void carry_out_alone() {
+    for (const ItemAlone& alone : alone_) {
+      visiting_.check();
+      refiller_.carry_out(alone.item, alone.proposal, alone.planned_at);
+    }
+    alone_.clear();
   }
 
   /// Between edits: a cancel ends it here.
@@ -742,6 +883,7 @@ class Optimizer {
       for (const BadItem& bad : bad_items_of(series)) {
         if (!state_.is_current(bad)) continue;
         const Proposal proposal = finder.find(bad, Rng(state_.rng.next()));
+        state_.report.trials += proposal.trials;
         refiller_.carry_out(bad, proposal, refiller_.time());
       }
       if (series.changes.size() == edits) break;
@@ -773,6 +915,7 @@ class Optimizer {
   Refiller refiller_;
   const RefillFinder planner_ = state_.finder();
   TimeEstimate estimate_;
+  std::vector<ItemAlone> alone_;
   double energy_change_then_ = 0, giving_up_ = 0;
   const Index num_given_;
   int iteration_ = 0;

@@ -98,6 +98,8 @@ class RestrictedPowerDiagram {
   /// Is the facet divided among the sites that reach it, and not as the diagram of all sites is? Once it is, it stays so.
   bool local(Index facet) const { return !local_.empty() && local_[static_cast<std::size_t>(facet)] != 0; }
   const detail::ReachLists* reach_lists() const { return reach_lists_; }
+  /// Does the disk of s reach a local facet, whether or not s is a site yet? False for balls. O(#facets reached).
+  bool reaches_local_facet(Index s) const;
 
   /// The fragments of a site (of a facet), as a linked list ending with kNone.
   Index first_of_site(Index s) const { return first_of_site_[static_cast<std::size_t>(s)]; }
@@ -409,7 +411,7 @@ class RestrictedPowerDiagram {
   double min_weight_ = 0;                          ///< theirs
   Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
-  EditRecord edit_;  ///< of the last insert(), remove() or reinsert()
+  EditRecord edit_;                   ///< of the last insert(), remove() or reinsert()
   std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of edits
   std::uint32_t last_stamp_ = 0;
   std::vector<std::uint32_t> mark_;  ///< by vertex of the triangulation: the last edit side by side that was near it

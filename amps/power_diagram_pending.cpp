@@ -1,9 +1,9 @@
 // Edits side by side.
 //
-// An edit changes fragments of the sites it enters and removes, and of neighbours of these in space: all others it does not even
-// look at. So edits whose neighbours are apart share nothing but memory: slots of fragments, of which each has some of its own,
-// so that they do not depend on who is faster; the lists of fragments by facet, which wait until the edit is finished; and the
-// pages of polygons, under a lock.
+// An edit changes fragments of the sites it enters and removes, and of neighbours of these in space: all others it does not
+// even look at. So edits whose neighbours are apart share nothing but memory: slots of fragments, of which each has some of its
+// own, so that they do not depend on who is faster; the lists of fragments by facet, which wait until the edit is finished; and
+// the pages of polygons, under a lock.
 //
 // Order. Edits count as if each came whole before the next. An edit that enters looks at what those before have marked: all
 // neighbours of what they remove, and those neighbours of what they insert that the new cell can reach. What a later edit

@@ -121,32 +121,101 @@ void SampleEdit::take_out() {
   for (const SampleChange::Removed& old : change_.removed) remove_site(old.id);
 }
 
-/// Under an id that is free, or a new one.
-Index SampleEdit::insert_site(const Sample& sample, Index near) {
-  const double weight = sample.radius * sample.radius;
-  if (samples_.free_.empty()) {
-    samples_.disks_.insert(sample, samples_.diagram_.num_sites());
-    const Index s = samples_.diagram_.insert(sample.position(), weight, near);
+/// One that is free, or that of the next site.
+Index SampleEdit::take_id() {
+  if (samples_.free_.empty()) return samples_.diagram_.num_sites();
+  const Index s = samples_.free_.back();
+  samples_.free_.pop_back();
+  return s;
+}
+
+void SampleEdit::note_alive(const Sample& sample, Index s) {
+  if (s == samples_.size()) {
     if (!samples_.disks_.knows_surface()) samples_.balls_.emplace_back();
     samples_.alive_.push_back(0);
     samples_.is_new_.push_back(1);
-    return s;
   }
-  const Index s = samples_.free_.back();
-  samples_.free_.pop_back();
+  if (!samples_.disks_.knows_surface()) samples_.balls_[slot(s)] = sample;
+  samples_.alive_[slot(s)] = 1;
+  samples_.is_new_[slot(s)] = 1;
+  change_.added.push_back(s);
+}
+
+Index SampleEdit::insert_site(const Sample& sample, Index near) {
+  const double weight = sample.radius * sample.radius;
+  const Index s = take_id();
   samples_.disks_.insert(sample, s);
-  samples_.diagram_.reinsert(s, sample.position(), weight, near);
+  if (s == samples_.diagram_.num_sites()) {
+    samples_.diagram_.insert(sample.position(), weight, near);
+  } else {
+    samples_.diagram_.reinsert(s, sample.position(), weight, near);
+  }
   return s;
 }
 
 Index SampleEdit::enter(const Sample& sample, Index near) {
   const Index s = insert_site(sample, near);
-  if (!samples_.disks_.knows_surface()) samples_.balls_[slot(s)] = sample;
-  samples_.alive_[slot(s)] = 1;
-  samples_.is_new_[slot(s)] = 1;
-  change_.added.push_back(s);
+  note_alive(sample, s);
   note_changed();
   return s;
+}
+
+bool SampleEdit::begin_insertion(const Sample& sample, Index near, RestrictedPowerDiagram::PendingEdit& pending) {
+  RestrictedPowerDiagram& diagram = samples_.diagram_;
+  const Index s = take_id();
+  samples_.disks_.insert(sample, s);
+  if (diagram.reaches_local_facet(s)) {
+    samples_.disks_.remove(sample, s);
+    samples_.disks_.forget_reach(s);
+    if (s < diagram.num_sites()) samples_.free_.push_back(s);
+    return false;
+  }
+  const double weight = sample.radius * sample.radius;
+  const bool apart = s == diagram.num_sites() ? diagram.insert_pending(pending, sample.position(), weight, near)
+                                              : diagram.reinsert_pending(pending, s, sample.position(), weight, near);
+  note_alive(sample, s);
+  return apart;
+}
+
+bool SampleEdit::begin(const std::vector<Sample>& added, Index near, RestrictedPowerDiagram::PendingEdit& pending) {
+  RestrictedPowerDiagram& diagram = samples_.diagram_;
+  const std::vector<SampleChange::Removed>& removed = change_.removed;
+  bool apart =
+      std::none_of(removed.begin(), removed.end(), [&](const auto& old) { return diagram.reaches_local_facet(old.id); });
+  for (std::size_t k = 0; k < added.size() && apart; ++k) {
+    apart = begin_insertion(added[k], k == 0 ? near : change_.added.back(), pending);
+  }
+  for (std::size_t k = 0; k < removed.size() && apart; ++k) apart = diagram.remove_pending(pending, removed[k].id);
+  if (apart) {
+    for (const SampleChange::Removed& old : removed) samples_.alive_[slot(old.id)] = 0;
+    return true;
+  }
+  diagram.withdraw_pending(pending);
+  for (; !change_.added.empty(); change_.added.pop_back()) {
+    const Index s = change_.added.back();
+    samples_.disks_.remove(samples_[s], s);
+    samples_.disks_.forget_reach(s);
+    samples_.alive_[slot(s)] = 0;
+    samples_.free_.push_back(s);
+  }
+  return false;
+}
+
+void SampleEdit::carry_out(RestrictedPowerDiagram::PendingEdit& pending) {
+  samples_.diagram_.carry_out(pending);
+  changed_fragments_ = pending.changed();
+  change_.affected = pending.changed_sites();
+}
+
+bool SampleEdit::finish(RestrictedPowerDiagram::PendingEdit& pending) {
+  const bool more = samples_.diagram_.finish(pending);
+  if (more) {
+    changed_fragments_ = pending.changed();
+    change_.affected = pending.changed_sites();
+  }
+  samples_.fragments_changed_ += pending.changed().size();
+  for (const SampleChange::Removed& old : change_.removed) samples_.disks_.forget_reach(old.id);
+  return more;
 }
 
 void SampleEdit::withdraw() {

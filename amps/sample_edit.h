@@ -44,6 +44,10 @@ class EditableSamples {
   /// Exact: do these disks keep the distance of the rule from each other and from all samples?
   bool are_apart(const std::vector<Sample>& disks, ConflictRule rule) const;
 
+  /// Before and after edits that are made side by side, see SampleEdit::begin().
+  void begin_side_by_side(RestrictedPowerDiagram::PendingEdits& edits) { diagram_.begin_side_by_side(edits); }
+  void end_side_by_side(RestrictedPowerDiagram::PendingEdits& edits) { diagram_.end_side_by_side(edits); }
+
   /// RestrictedPowerDiagram::compact(); between edits.
   void compact(const Execution& execution) { diagram_.compact(execution); }
 
@@ -95,6 +99,17 @@ class SampleEdit {
   /// Takes those that have entered out again; others may enter in their place.
   void withdraw();
 
+  // Side by side with other edits: begin() of one after another; carry_out() of all, on as many threads; finish() of one after
+  // another. Then each is as one of which all have entered and all to go are taken out, and may go on, in any order.
+
+  /// enter() and take_out(), as far as they are not to be done by carry_out(). False, and nothing has changed, if that cannot
+  /// be done beside those that have begun: then the edit has to be made alone.
+  bool begin(const std::vector<Sample>& added, Index near, RestrictedPowerDiagram::PendingEdit& pending);
+  /// changed_fragments() and affected() are up to date then.
+  void carry_out(RestrictedPowerDiagram::PendingEdit& pending);
+  /// True if more has changed than when carry_out() returned.
+  bool finish(RestrictedPowerDiagram::PendingEdit& pending);
+
   const std::vector<SampleChange::Removed>& removed() const { return change_.removed; }
   const std::vector<Index>& added() const { return change_.added; }
   bool has_added(Index s) const;
@@ -113,7 +128,10 @@ class SampleEdit {
  private:
   SampleEdit(EditableSamples& samples, SampleChange&& change) : samples_(samples), change_(std::move(change)) {}
 
+  Index take_id();
+  void note_alive(const Sample& sample, Index s);
   Index insert_site(const Sample& sample, Index near);
+  bool begin_insertion(const Sample& sample, Index near, RestrictedPowerDiagram::PendingEdit& pending);
   void remove_site(Index s);
   Index neighbor_that_stays() const;
   void note_changed();
