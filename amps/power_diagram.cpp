@@ -443,6 +443,10 @@ void RestrictedPowerDiagram::update_reach(Index s) {
     reach_[slot(s)] = kNoCell;
     return;
   }
+  measure_reach(s);
+}
+
+void RestrictedPowerDiagram::measure_reach(Index s) {
   double reach = 0;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
     const double farthest = this->reach(f);

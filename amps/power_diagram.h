@@ -329,6 +329,7 @@ class RestrictedPowerDiagram {
   SiteOrder number_fragments(std::vector<Batch>& batches, const Execution& execution);
   void make_records(const Batch& batch, const SiteOrder& order);
   void update_reach(Index s);
+  void measure_reach(Index s);
   void measure_facets(const Execution& execution);
   Plane plane(Index owner, Index other) const;
   int exact_power_at_corner(const Polygon& polygon, Index k) const;

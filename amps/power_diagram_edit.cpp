@@ -269,7 +269,7 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
     }
     if (!any_clipped) continue;
     edit.changed_sites.push_back(site);
-    update_reach(site);
+    measure_reach(site);  // which, in an edit beside others, the triangulation may not have any more
   }
   return facets;
 }
