@@ -7,6 +7,7 @@
 #include "kit/random.h"
 #include "kit/sites.h"
 
+#include "amps/execution.h"
 #include "amps/maximality.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
@@ -16,6 +17,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <utility>
@@ -178,6 +180,68 @@ class Session {
     return change;
   }
 
+  struct Begun {
+    std::size_t edits = 0, refused = 0;
+  };
+
+  /// Random edits side by side, each near a sample; some are kept, the others undone.
+  Begun edits_side_by_side(Diagram::PendingEdits& pending, unsigned threads) {
+    Begun begun;
+    const CanonicalDiagram before = canonical(diagram_);
+    struct Edit {
+      std::unique_ptr<SampleEdit> edit;
+      std::vector<Index> removed;
+      std::vector<Sample> added;
+    };
+    std::vector<Edit> edits;
+    Expected after = expected_;
+    samples_.begin_side_by_side(pending);
+    for (std::size_t k = 0; k < pending.size(); ++k) {
+      Edit next;
+      next.removed = {std::next(after.begin(), static_cast<std::ptrdiff_t>(rng_.below(after.size())))->first};
+      if (expected_.count(next.removed.front()) == 0) continue;
+      const Vec3 x = expected_.at(next.removed.front()).sample.position();
+      for (auto n = 1 + rng_.below(3); n > 0; --n) next.added.push_back(sample_near(x));
+      const CanonicalDiagram here = edits.empty() ? canonical(diagram_) : CanonicalDiagram();
+      next.edit = std::make_unique<SampleEdit>(samples_, next.removed);
+      if (!next.edit->begin(next.added, next.removed.front(), pending[edits.size()])) {
+        next.edit->undo();
+        if (edits.empty()) CHECK(canonical(diagram_) == here);
+        ++begun.refused;
+        continue;
+      }
+      for (const Index s : next.removed) after.erase(s);
+      for (std::size_t a = 0; a < next.added.size(); ++a) after[next.edit->added()[a]] = {next.added[a], true};
+      edits.push_back(std::move(next));
+    }
+    begun.edits = edits.size();
+    amps::Execution execution;
+    execution.threads = threads;
+    amps::parallel_for(edits.size(), 1, execution, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) edits[k].edit->carry_out(pending[k]);
+    });
+    for (std::size_t k = 0; k < edits.size(); ++k) edits[k].edit->finish(pending[k]);
+    const CanonicalDiagram now = canonical(diagram_);
+    CHECK(now == rebuilt(mesh_, after));
+    std::set<Index> affected;
+    for (const Edit& edit : edits) {
+      for (const Index s : edit.edit->affected()) CHECK(affected.insert(s).second);
+    }
+    for (const Index s : sites_that_differ(before, now)) {
+      if (after.count(s) != 0) CHECK(affected.count(s) == 1);
+    }
+    for (const Edit& edit : edits) {
+      if (rng_.below(3) != 0) {
+        for (const Index s : edit.removed) expected_.erase(s);
+        for (const Index s : edit.edit->added()) expected_[s] = after.at(s);
+        edit.edit->keep();
+      } else {
+        edit.edit->undo();
+      }
+    }
+    return begun;
+  }
+
   void check() {
     CHECK(canonical(diagram_) == rebuilt(mesh_, expected_));
     check_samples(mesh_, samples_, set_, expected_, radius_, rng_);
@@ -196,6 +260,15 @@ class Session {
     amps::SamplingOptions options;
     options.radius = radius;
     return amps::sample(mesh, options).samples;
+  }
+
+  Sample sample_near(const Vec3& x) {
+    Sample best = random_sample(mesh_, radius_, rng_);
+    for (int dart = 0; dart < 30; ++dart) {
+      const Sample other = random_sample(mesh_, radius_, rng_);
+      if ((other.position() - x).norm() < (best.position() - x).norm()) best = other;
+    }
+    return best;
   }
 
   void enter(SampleEdit& edit, Expected* after) {
@@ -270,6 +343,39 @@ TEST_CASE("sample_edit: a series of edits that were kept is undone as if it had 
         if (before.count(s) != 0) CHECK(std::binary_search(affected.begin(), affected.end(), s));
       }
     }
+  }
+}
+
+TEST_CASE("sample_edit: edits side by side end as if made one after another, for any number of threads") {
+  std::vector<NamedMesh> models = edit_meshes();
+  models.push_back({"sphere of 300 facets to a cell", amps::make_sphere(20000)});
+  std::uint64_t seed = 201;
+  for (const auto& model : models) {
+    CAPTURE(model.name);
+    const int samples = model.mesh.triangles.rows() < 1000 ? 400 : 60;
+    std::string slots_by_threads[2];
+    std::size_t edits = 0, refused = 0;
+    for (const unsigned threads : {1u, 3u}) {
+      Session session(model.mesh, radius_for(model.mesh, samples), seed);
+      Diagram::PendingEdits pending(6);
+      for (int round = 0; round < 25; ++round) {
+        CAPTURE(round);
+        const Session::Begun begun = session.edits_side_by_side(pending, threads);
+        edits += begun.edits;
+        refused += begun.refused;
+        session.check();
+      }
+      session.samples().end_side_by_side(pending);
+      CHECK(session.diagram().check() == "");
+      for (Index f = 0; f < session.diagram().fragment_capacity(); ++f) {
+        const bool alive = session.diagram().alive(f);
+        slots_by_threads[threads == 1 ? 0 : 1] += alive ? std::to_string(session.diagram().polygon(f).site) + " " : "- ";
+      }
+    }
+    ++seed;
+    CHECK(slots_by_threads[0] == slots_by_threads[1]);
+    CHECK(edits > 50);
+    CHECK(refused > 5);
   }
 }
 
