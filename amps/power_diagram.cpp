@@ -169,8 +169,7 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesVi
     all_weights[k++] = sentinel.w;
   }
   triangulation_.reserve(kSentinels + detail::room_for_more(n));
-  // On one thread: of points on a surface most insertions by several get in each other's way.
-  triangulation_.insert(positions, all_weights, execution.part(0.03, 1).on_one_thread());
+  triangulation_.insert(positions, all_weights, execution.part(0.03, 1));
 }
 
 namespace {
@@ -372,9 +371,10 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   reach_.reserve(detail::room_for_more(slot(num_sites())));
   reach_.resize(slot(num_sites()));
   constexpr std::size_t kSitesPerPiece = 4096;
-  detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
-  });
+  detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1),
+                                        [&](std::size_t begin, std::size_t end) {
+                                          for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
+                                        });
 }
 
 /// Takes over the polygons of all batches, and gives each fragment its number.
