@@ -219,8 +219,10 @@ SortedCorners sorted_corners(const RegularTriangulation::Cell& cell) {
 
 /// The ball through the corners of a Delaunay cell.
 struct PoleBall {
-  Vec3 center = Vec3::Zero();
+  std::array<double, 3> at{};
   double squared_radius = -1;  ///< < 0: none, or too flat a cell to tell
+
+  Vec3 center() const { return {at[0], at[1], at[2]}; }
 };
 
 PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTriangulation::Cell& cell) {
@@ -233,7 +235,8 @@ PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTrian
   PoleBall ball;
   if (det == 0) return ball;
   const Vec3 c = (uu * vw + vv * wu + ww * uv) / (2 * det);
-  ball.center = at(0) + c;
+  const Vec3 center = at(0) + c;
+  ball.at = {center.x(), center.y(), center.z()};
   ball.squared_radius = squared_norm(c);
   // The centre solves 2uᵀc = u², … . A relative error e of the right sides and the matrix moves it by at most about
   // 4 e l³ (R + l)/|det|, l the longest edge (the inverse's norm is below 2l²/|det|). Demand a hundredth of R, with e = 2^-50,
@@ -326,7 +329,7 @@ class PoleFinder {
   bool changed(Index s) const { return changed(slot(s)); }
 
   void find_balls(const Execution& execution) {
-    detail::resize_watched(balls_, slot(triangulation_.cell_capacity()), PoleBall(), execution.part(0, 0));
+    balls_.resize(slot(triangulation_.cell_capacity()));
     for_each_index_on_all_threads(balls_.size(), execution, [&](std::size_t c) {
       const auto& cell = triangulation_.cell(static_cast<Index>(c));
       if (!cell.alive()) {
@@ -335,7 +338,7 @@ class PoleFinder {
       }
       const auto last = *std::max_element(cell.vertex.begin(), cell.vertex.end());
       if (slot(last) < num_old_) {
-        AMPS_ASSERT(cell.ghost() || pole_ball(triangulation_, cell).center == balls_[c].center);
+        AMPS_ASSERT(cell.ghost() || pole_ball(triangulation_, cell).at == balls_[c].at);
         return;
       }
       for (const Index v : cell.vertex) {
@@ -366,7 +369,28 @@ class PoleFinder {
     });
   }
 
-  Vec3 from_sample(Index v, const PoleBall& ball) const { return ball.center - triangulation_.point(v).position(); }
+  Vec3 from_sample(Index v, const PoleBall& ball) const { return ball.center() - triangulation_.point(v).position(); }
+
+  /// Each from its lowest corner on, in ascending order.
+  std::vector<std::array<Index, 3>> hull_facets(const Execution& execution) const {
+    constexpr std::size_t kCellsPerPiece = std::size_t{1} << 14;
+    const std::size_t n = slot(triangulation_.cell_capacity());
+    std::vector<std::vector<std::array<Index, 3>>> found((n + kCellsPerPiece - 1) / kCellsPerPiece);
+    detail::for_each_piece_on_all_threads(n, kCellsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
+      std::vector<std::array<Index, 3>>& of_piece = found[begin / kCellsPerPiece];
+      for (std::size_t c = begin; c < end; ++c) {
+        const auto& cell = triangulation_.cell(static_cast<Index>(c));
+        if (!cell.alive() || !cell.ghost()) continue;
+        std::array<Index, 3> facet{cell.vertex[0], cell.vertex[1], cell.vertex[2]};
+        std::rotate(facet.begin(), std::min_element(facet.begin(), facet.end()), facet.end());
+        of_piece.push_back(facet);
+      }
+    });
+    std::vector<std::array<Index, 3>> hull;
+    for (const auto& of_piece : found) hull.insert(hull.end(), of_piece.begin(), of_piece.end());
+    std::sort(hull.begin(), hull.end());
+    return hull;
+  }
 
   /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
   /// outward.
@@ -377,18 +401,13 @@ class PoleFinder {
       const Index c = first_.cell(v);
       direction_[v] = c == kNone ? Vec3(Vec3::Zero()) : from_sample(static_cast<Index>(v), balls_[slot(c)]);
     });
-    std::vector<std::array<Index, 3>> hull;
-    for_each_index(triangulation_.cell_capacity(), execution.part(0.7, 0.9), [&](Index c) {
-      const auto& cell = triangulation_.cell(c);
-      if (!cell.alive() || !cell.ghost()) return;
-      hull.push_back({cell.vertex[0], cell.vertex[1], cell.vertex[2]});
-      std::rotate(hull.back().begin(), std::min_element(hull.back().begin(), hull.back().end()), hull.back().end());
-      for (const Index v : hull.back()) {
+    const std::vector<std::array<Index, 3>> hull = hull_facets(execution.part(0.7, 0.9));
+    for (const auto& facet : hull) {
+      for (const Index v : facet) {
         first_.forget(v);
         if (changed(v)) direction_[slot(v)] = Vec3::Zero();
       }
-    });
-    std::sort(hull.begin(), hull.end());
+    }
     for_each_index(hull.size(), execution.part(0.9, 1), [&](std::size_t f) {
       const Vec3 a = triangulation_.point(hull[f][0]).position();
       const Vec3 ab = triangulation_.point(hull[f][1]).position() - a, ac = triangulation_.point(hull[f][2]).position() - a;
@@ -431,7 +450,7 @@ class PoleFinder {
     Pole pole;
     if (c == kNone) return pole;
     constexpr double kSteep = 0.8;  // cos 37°: between the faces of a cube's edge it is 0.71
-    pole.center = balls_[slot(c)].center;
+    pole.center = balls_[slot(c)].center();
     pole.radius = std::sqrt(balls_[slot(c)].squared_radius);
     const auto& vertex = triangulation_.cell(c).vertex;
     double longest = 0;
@@ -452,7 +471,7 @@ class PoleFinder {
   const RegularTriangulation& triangulation_;
   std::size_t num_old_ = 0;  ///< samples, in the last update
   Flags changed_;
-  std::vector<PoleBall> balls_;  ///< by cell
+  std::vector<PoleBall, detail::UninitializedAllocator<PoleBall>> balls_;  ///< by cell
   Farthest first_, second_;
   std::vector<Vec3> direction_;  ///< to the first
   std::vector<Pole> poles_;
