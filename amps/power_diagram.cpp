@@ -169,8 +169,7 @@ void RestrictedPowerDiagram::triangulate(const PointsView& sites, const ValuesVi
     all_weights[k++] = sentinel.w;
   }
   triangulation_.reserve(kSentinels + detail::room_for_more(n));
-  // On one thread: of points on a surface most insertions by several get in each other's way.
-  triangulation_.insert(positions, all_weights, execution.part(0.03, 1).on_one_thread());
+  triangulation_.insert(positions, all_weights, execution.part(0.03, 1));
 }
 
 namespace {

@@ -303,7 +303,8 @@ std::uint32_t RestrictedPowerDiagram::new_stamp() {
   return last_stamp_;
 }
 
-/// The neighbours of a visible site, vertices of the triangulation.
+/// The neighbours of a visible site, vertices of the triangulation, ascending: the order of cells depends on the number of
+/// threads that made them.
 std::vector<Index> RestrictedPowerDiagram::link_of(Index s) {
   std::vector<Index> star, link;
   triangulation_.incident_cells(s + kSentinels, star);
@@ -315,6 +316,7 @@ std::vector<Index> RestrictedPowerDiagram::link_of(Index s) {
       link.push_back(v);
     }
   }
+  std::sort(link.begin(), link.end());
   return link;
 }
 

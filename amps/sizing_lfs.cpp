@@ -219,8 +219,10 @@ SortedCorners sorted_corners(const RegularTriangulation::Cell& cell) {
 
 /// The ball through the corners of a Delaunay cell.
 struct PoleBall {
-  Vec3 center = Vec3::Zero();
+  std::array<double, 3> at{};
   double squared_radius = -1;  ///< < 0: none, or too flat a cell to tell
+
+  Vec3 center() const { return {at[0], at[1], at[2]}; }
 };
 
 PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTriangulation::Cell& cell) {
@@ -233,7 +235,8 @@ PoleBall pole_ball(const RegularTriangulation& triangulation, const RegularTrian
   PoleBall ball;
   if (det == 0) return ball;
   const Vec3 c = (uu * vw + vv * wu + ww * uv) / (2 * det);
-  ball.center = at(0) + c;
+  const Vec3 center = at(0) + c;
+  ball.at = {center.x(), center.y(), center.z()};
   ball.squared_radius = squared_norm(c);
   // The centre solves 2uᵀc = u², … . A relative error e of the right sides and the matrix moves it by at most about
   // 4 e l³ (R + l)/|det|, l the longest edge (the inverse's norm is below 2l²/|det|). Demand a hundredth of R, with e = 2^-50,
@@ -262,11 +265,11 @@ class PoleFinder {
   /// old samples for corners; every other has a new one; a sample of which no cell is new has lost none.
   void update(const Execution& execution) {
     const std::size_t n = slot(triangulation_.num_vertices());
-    changed_ = std::vector<std::atomic<char>>(n);
+    changed_ = Flags(n);
     for (std::size_t v = num_old_; v < n; ++v) changed_[v].store(1, std::memory_order_relaxed);
     find_balls(execution.part(0, 0.35));
-    first_ = chosen_again(first_, n);
-    second_ = chosen_again(second_, n);
+    first_.start_again(n, num_old_, changed_);
+    second_.start_again(n, num_old_, changed_);
     direction_.resize(n, Vec3::Zero());
     find_first(execution.part(0.35, 0.6));
     find_second(execution.part(0.6, 0.8));
@@ -280,20 +283,53 @@ class PoleFinder {
   double resolved(std::size_t pole) const { return poles_[pole].radius / samples_.spacing(static_cast<Index>(pole / 2)); }
 
  private:
-  using Chosen = std::vector<std::atomic<Index>>;  ///< cells, by sample
+  using Flags = std::vector<std::atomic<char>>;  ///< by sample
 
-  static Index at(const Chosen& chosen, std::size_t s) { return chosen[s].load(std::memory_order_relaxed); }
+  /// A cell for each sample, the farthest so far of those that threads offer.
+  class Farthest {
+   public:
+    Index cell(std::size_t s) const { return entries_[s].cell.load(std::memory_order_relaxed); }
+    void forget(Index s) { entries_[slot(s)].cell.store(kNone, std::memory_order_relaxed); }
+    /// Is a ball too small to be chosen? Most are, and that takes no look at the one that is.
+    bool passes(Index s, double squared_radius) const {
+      return squared_radius >= entries_[slot(s)].at_least.load(std::memory_order_relaxed);
+    }
+    /// Threads may come in any order: what remains is the farthest.
+    template <class IsFarther>
+    void offer(Index s, Index c, double squared_radius, const IsFarther& farther) {
+      Entry& entry = entries_[slot(s)];
+      Index now = entry.cell.load(std::memory_order_relaxed);
+      while (farther(c, now)) {
+        if (!entry.cell.compare_exchange_weak(now, c, std::memory_order_relaxed)) continue;
+        double known = entry.at_least.load(std::memory_order_relaxed);
+        while (known < squared_radius &&
+               !entry.at_least.compare_exchange_weak(known, squared_radius, std::memory_order_relaxed)) {
+        }
+        return;
+      }
+    }
+    /// For n samples; the first `num_old`, but for those that have changed, keep their cells.
+    void start_again(std::size_t n, std::size_t num_old, const Flags& changed) {
+      std::vector<Entry> entries(n);
+      for (std::size_t s = 0; s < num_old; ++s) {
+        if (changed[s].load(std::memory_order_relaxed) == 0) entries[s].cell.store(cell(s), std::memory_order_relaxed);
+      }
+      entries_ = std::move(entries);
+    }
+
+   private:
+    struct Entry {
+      std::atomic<double> at_least{0};  ///< no more than the squared radius of the ball of `cell`
+      std::atomic<Index> cell{kNone};
+    };
+    std::vector<Entry> entries_;
+  };
+
   bool changed(std::size_t s) const { return changed_[s].load(std::memory_order_relaxed) != 0; }
   bool changed(Index s) const { return changed(slot(s)); }
-  Chosen chosen_again(const Chosen& before, std::size_t n) const {
-    Chosen result(n);
-    for (std::size_t s = 0; s < n; ++s)
-      result[s].store(s < num_old_ && !changed(s) ? at(before, s) : kNone, std::memory_order_relaxed);
-    return result;
-  }
 
   void find_balls(const Execution& execution) {
-    detail::resize_watched(balls_, slot(triangulation_.cell_capacity()), PoleBall(), execution.part(0, 0));
+    balls_.resize(slot(triangulation_.cell_capacity()));
     for_each_index_on_all_threads(balls_.size(), execution, [&](std::size_t c) {
       const auto& cell = triangulation_.cell(static_cast<Index>(c));
       if (!cell.alive()) {
@@ -302,7 +338,7 @@ class PoleFinder {
       }
       const auto last = *std::max_element(cell.vertex.begin(), cell.vertex.end());
       if (slot(last) < num_old_) {
-        AMPS_ASSERT(cell.ghost() || pole_ball(triangulation_, cell).center == balls_[c].center);
+        AMPS_ASSERT(cell.ghost() || pole_ball(triangulation_, cell).at == balls_[c].at);
         return;
       }
       for (const Index v : cell.vertex) {
@@ -320,41 +356,58 @@ class PoleFinder {
     return sorted_corners(triangulation_.cell(c)) < sorted_corners(triangulation_.cell(best));
   }
 
-  /// Threads may come in any order: what remains is the farthest.
-  void keep_farthest(std::atomic<Index>& best, Index c) const {
-    Index now = best.load(std::memory_order_relaxed);
-    while (farther(c, now) && !best.compare_exchange_weak(now, c, std::memory_order_relaxed)) {
-    }
+  /// Offers the balls of all cells to those of their corners to whom they may belong.
+  template <class MayBelong>
+  void choose_farthest(Farthest& chosen, const Execution& execution, const MayBelong& may_belong) {
+    for_each_index_on_all_threads(balls_.size(), execution, [&](std::size_t c) {
+      const PoleBall& ball = balls_[c];
+      if (ball.squared_radius < 0) return;
+      for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex) {
+        if (!chosen.passes(v, ball.squared_radius) || !changed(v) || !may_belong(v, ball)) continue;
+        chosen.offer(v, static_cast<Index>(c), ball.squared_radius, [this](Index a, Index b) { return farther(a, b); });
+      }
+    });
   }
 
-  Vec3 from_sample(Index v, const PoleBall& ball) const { return ball.center - triangulation_.point(v).position(); }
+  Vec3 from_sample(Index v, const PoleBall& ball) const { return ball.center() - triangulation_.point(v).position(); }
+
+  /// Each from its lowest corner on, in ascending order.
+  std::vector<std::array<Index, 3>> hull_facets(const Execution& execution) const {
+    constexpr std::size_t kCellsPerPiece = std::size_t{1} << 14;
+    const std::size_t n = slot(triangulation_.cell_capacity());
+    std::vector<std::vector<std::array<Index, 3>>> found((n + kCellsPerPiece - 1) / kCellsPerPiece);
+    detail::for_each_piece_on_all_threads(n, kCellsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
+      std::vector<std::array<Index, 3>>& of_piece = found[begin / kCellsPerPiece];
+      for (std::size_t c = begin; c < end; ++c) {
+        const auto& cell = triangulation_.cell(static_cast<Index>(c));
+        if (!cell.alive() || !cell.ghost()) continue;
+        std::array<Index, 3> facet{cell.vertex[0], cell.vertex[1], cell.vertex[2]};
+        std::rotate(facet.begin(), std::min_element(facet.begin(), facet.end()), facet.end());
+        of_piece.push_back(facet);
+      }
+    });
+    std::vector<std::array<Index, 3>> hull;
+    for (const auto& of_piece : found) hull.insert(hull.end(), of_piece.begin(), of_piece.end());
+    std::sort(hull.begin(), hull.end());
+    return hull;
+  }
 
   /// The farthest Voronoi vertex of each sample; for samples on the hull, whose cells are infinite, only its direction:
   /// outward.
   void find_first(const Execution& execution) {
-    for_each_index_on_all_threads(balls_.size(), execution.part(0, 0.6), [&](std::size_t c) {
-      if (balls_[c].squared_radius < 0) return;
-      for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex) {
-        if (changed(v)) keep_farthest(first_[slot(v)], static_cast<Index>(c));
-      }
-    });
-    for_each_index_on_all_threads(first_.size(), execution.part(0.6, 0.7), [&](std::size_t v) {
+    choose_farthest(first_, execution.part(0, 0.6), [](Index, const PoleBall&) { return true; });
+    for_each_index_on_all_threads(direction_.size(), execution.part(0.6, 0.7), [&](std::size_t v) {
       if (!changed(v)) return;
-      const Index c = at(first_, v);
+      const Index c = first_.cell(v);
       direction_[v] = c == kNone ? Vec3(Vec3::Zero()) : from_sample(static_cast<Index>(v), balls_[slot(c)]);
     });
-    std::vector<std::array<Index, 3>> hull;
-    for_each_index(triangulation_.cell_capacity(), execution.part(0.7, 0.9), [&](Index c) {
-      const auto& cell = triangulation_.cell(c);
-      if (!cell.alive() || !cell.ghost()) return;
-      hull.push_back({cell.vertex[0], cell.vertex[1], cell.vertex[2]});
-      std::rotate(hull.back().begin(), std::min_element(hull.back().begin(), hull.back().end()), hull.back().end());
-      for (const Index v : hull.back()) {
-        first_[slot(v)].store(kNone, std::memory_order_relaxed);
+    const std::vector<std::array<Index, 3>> hull = hull_facets(execution.part(0.7, 0.9));
+    for (const auto& facet : hull) {
+      for (const Index v : facet) {
+        first_.forget(v);
         if (changed(v)) direction_[slot(v)] = Vec3::Zero();
       }
-    });
-    std::sort(hull.begin(), hull.end());
+    }
     for_each_index(hull.size(), execution.part(0.9, 1), [&](std::size_t f) {
       const Vec3 a = triangulation_.point(hull[f][0]).position();
       const Vec3 ab = triangulation_.point(hull[f][1]).position() - a, ac = triangulation_.point(hull[f][2]).position() - a;
@@ -367,24 +420,29 @@ class PoleFinder {
 
   /// The farthest on the other side of the surface.
   void find_second(const Execution& execution) {
-    for_each_index_on_all_threads(balls_.size(), execution, [&](std::size_t c) {
-      if (balls_[c].squared_radius < 0) return;
-      for (const Index v : triangulation_.cell(static_cast<Index>(c)).vertex) {
-        if (changed(v) && dot(from_sample(v, balls_[c]), direction_[slot(v)]) < 0)
-          keep_farthest(second_[slot(v)], static_cast<Index>(c));
-      }
-    });
+    choose_farthest(second_, execution,
+                    [this](Index v, const PoleBall& ball) { return dot(from_sample(v, ball), direction_[slot(v)]) < 0; });
   }
 
   void find_poles(const Execution& execution) {
-    std::vector<Vec3> normals(first_.size());
+    std::vector<Vec3> normals(direction_.size());
     for_each_index_on_all_threads(normals.size(), execution.part(0, 0.2),
                                   [&](std::size_t s) { normals[s] = samples_.normal(static_cast<Index>(s)); });
-    poles_.resize(2 * first_.size());
-    for_each_index_on_all_threads(first_.size(), execution.part(0.2, 1), [&](std::size_t s) {
+    poles_.resize(2 * normals.size());
+    constexpr std::size_t kSamplesAhead = 8;
+    const auto prefetch_cell = [this](Index c) {
+      if (c == kNone) return;
+      detail::prefetch(&triangulation_.cell(c));
+      detail::prefetch(&balls_[slot(c)]);
+    };
+    for_each_index_on_all_threads(normals.size(), execution.part(0.2, 1), [&](std::size_t s) {
+      if (s + kSamplesAhead < normals.size()) {
+        prefetch_cell(first_.cell(s + kSamplesAhead));
+        prefetch_cell(second_.cell(s + kSamplesAhead));
+      }
       if (!changed(s)) return;
-      poles_[2 * s] = pole_at(at(first_, s), normals);
-      poles_[2 * s + 1] = pole_at(at(second_, s), normals);
+      poles_[2 * s] = pole_at(first_.cell(s), normals);
+      poles_[2 * s + 1] = pole_at(second_.cell(s), normals);
     });
   }
 
@@ -392,7 +450,7 @@ class PoleFinder {
     Pole pole;
     if (c == kNone) return pole;
     constexpr double kSteep = 0.8;  // cos 37°: between the faces of a cube's edge it is 0.71
-    pole.center = balls_[slot(c)].center;
+    pole.center = balls_[slot(c)].center();
     pole.radius = std::sqrt(balls_[slot(c)].squared_radius);
     const auto& vertex = triangulation_.cell(c).vertex;
     double longest = 0;
@@ -411,16 +469,30 @@ class PoleFinder {
 
   const PoleSamples& samples_;
   const RegularTriangulation& triangulation_;
-  std::size_t num_old_ = 0;                 ///< samples, in the last update
-  std::vector<std::atomic<char>> changed_;  ///< by sample
-  std::vector<PoleBall> balls_;             ///< by cell
-  Chosen first_, second_;
+  std::size_t num_old_ = 0;  ///< samples, in the last update
+  Flags changed_;
+  std::vector<PoleBall, detail::UninitializedAllocator<PoleBall>> balls_;  ///< by cell
+  Farthest first_, second_;
   std::vector<Vec3> direction_;  ///< to the first
   std::vector<Pole> poles_;
 };
 
-/// Of the poles that count, one for each box of a grid of side `fineness` times the pole's radius, rounded down to a power of
-/// two: the poles of a sphere are all one point, and a search among many that are equally near looks at each.
+/// A box of a grid of side `fineness` times the pole's radius, rounded down to a power of two, that holds the pole. Not 0; two
+/// boxes share a key of 63 bits with probability 1e-9 among 1e5 poles.
+std::uint64_t pole_box(const Pole& pole, double fineness) {
+  int exponent = 0;
+  std::frexp(pole.radius * fineness, &exponent);
+  std::uint64_t key = static_cast<std::uint64_t>(static_cast<std::int64_t>(exponent));
+  for (int k = 0; k < 3; ++k) {
+    const double box = std::floor(std::ldexp(pole.center[k], -exponent));
+    key = detail::scramble(key + 0x9e3779b97f4a7c15u +
+                           static_cast<std::uint64_t>(static_cast<std::int64_t>(std::clamp(box, -0x1p62, 0x1p62))));
+  }
+  return key | 1;
+}
+
+/// Of the poles that count, one for each box: the poles of a sphere are all one point, and a search among many that are equally
+/// near looks at each.
 template <class Filter>
 Points thinned_poles(const PoleFinder& finder, double fineness, const Filter& counts, const Execution& execution) {
   // Between sheets closer than the spacing of samples the radii of cells say little, and nothing else is that small.
@@ -429,26 +501,21 @@ Points thinned_poles(const PoleFinder& finder, double fineness, const Filter& co
   std::size_t capacity = 16;
   while (capacity < 2 * poles.size()) capacity *= 2;
   std::vector<std::uint64_t> table(capacity, 0);
-  std::vector<double> kept;
-  for_each_index(poles.size(), execution, [&](std::size_t i) {
-    const Pole& pole = poles[i];
-    if (pole.radius < 0) return;
+  std::vector<std::uint64_t> keys(poles.size(), 0);  // 0: it does not count
+  for_each_index_on_all_threads(keys.size(), execution.part(0, 0.7), [&](std::size_t i) {
+    if (poles[i].radius < 0) return;
     const double resolved = finder.resolved(i);
-    if (resolved < kMinResolved || !counts(pole, resolved)) return;
-    int exponent = 0;
-    std::frexp(pole.radius * fineness, &exponent);
-    std::uint64_t key = static_cast<std::uint64_t>(static_cast<std::int64_t>(exponent));
-    for (int k = 0; k < 3; ++k) {
-      const double box = std::floor(std::ldexp(pole.center[k], -exponent));
-      key = detail::scramble(key + 0x9e3779b97f4a7c15u +
-                             static_cast<std::uint64_t>(static_cast<std::int64_t>(std::clamp(box, -0x1p62, 0x1p62))));
-    }
-    key |= 1;  // 0 is an empty entry; two boxes share a key of 63 bits with probability 1e-9 among 1e5 poles
+    if (resolved >= kMinResolved && counts(poles[i], resolved)) keys[i] = pole_box(poles[i], fineness);
+  });
+  std::vector<double> kept;
+  for_each_index(keys.size(), execution.part(0.7, 1), [&](std::size_t i) {
+    const std::uint64_t key = keys[i];
+    if (key == 0) return;
     std::size_t at = key >> 1 & (capacity - 1);
     while (table[at] != 0 && table[at] != key) at = (at + 1) & (capacity - 1);
     if (table[at] == key) return;
     table[at] = key;
-    kept.insert(kept.end(), {pole.center.x(), pole.center.y(), pole.center.z()});
+    kept.insert(kept.end(), poles[i].center.data(), poles[i].center.data() + 3);
   });
   return Points(std::move(kept));
 }
@@ -562,9 +629,8 @@ std::vector<double> local_feature_size(const MeshView& mesh, const PointsView& p
   }
   const MedialAxis axis(mesh, options, job.part(0.02, kAxisEnd));
   std::vector<double> result(static_cast<std::size_t>(points.rows()));
-  for_each_index_on_all_threads(result.size(), job.part(kAxisEnd, 1), [&](std::size_t i) {
-    result[i] = axis.distance(points[static_cast<std::ptrdiff_t>(i)]);
-  });
+  for_each_index_on_all_threads(result.size(), job.part(kAxisEnd, 1),
+                                [&](std::size_t i) { result[i] = axis.distance(points[static_cast<std::ptrdiff_t>(i)]); });
   job.finish();
   return result;
 }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 namespace amps::detail {
 namespace {
@@ -83,7 +84,6 @@ void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& 
   const std::size_t n = end - begin;
   if (rounds != nullptr) {
     rounds->round_ends.assign(1, static_cast<Index>(n));
-    rounds->curve.assign(n, 0);
   }
   if (n <= kSmallGroup) return;
   double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
@@ -145,9 +145,6 @@ void hilbert_sort(const std::vector<WeightedPoint>& points, std::vector<Index>& 
     for (std::size_t k = from; k < to; ++k) {
       order[begin + k] = items[k].index;
       if (rounds == nullptr) continue;
-      // The upper 32 bits of the place on the curve.
-      const std::uint64_t place = items[k].key & ((std::uint64_t{1} << (3 * levels)) - 1);
-      rounds->curve[k] = static_cast<std::uint32_t>(3 * levels >= 32 ? place >> (3 * levels - 32) : place << (32 - 3 * levels));
       if (k + 1 == n || items[k].key >> (3 * levels) != items[k + 1].key >> (3 * levels)) {
         rounds->round_ends.push_back(static_cast<Index>(k + 1));
       }

@@ -7,15 +7,13 @@
 #include "amps/execution.h"
 #include "amps/predicates.h"
 
-#include <cstdint>
 #include <vector>
 
 namespace amps::detail {
 
 struct InsertionOrder {
-  std::vector<Index> ids;            ///< the points in order of insertion
-  std::vector<Index> round_ends;     ///< one past the last position of each round
-  std::vector<std::uint32_t> curve;  ///< by position in `ids`: the point's place along one curve for all rounds
+  std::vector<Index> ids;         ///< the points in order of insertion
+  std::vector<Index> round_ends;  ///< one past the last position of each round
 };
 
 /// The order for the given points; a function of the points and their ids alone, whatever the number of threads. O(n).

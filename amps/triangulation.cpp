@@ -141,10 +141,7 @@ void RegularTriangulation::bulk_insert(Index first, const Execution& execution) 
     std::array<Index, 4> corner = {basis_[0], basis_[1], basis_[2], id_of_rank[apex]};
     for (std::size_t k = 0; k < 4; ++k) {
       const auto found = std::find(id_of_rank.begin() + static_cast<std::ptrdiff_t>(k), id_of_rank.end(), corner[k]);
-      const auto from = found - id_of_rank.begin();
       std::rotate(id_of_rank.begin() + static_cast<std::ptrdiff_t>(k), found, found + 1);
-      std::rotate(order.curve.begin() + static_cast<std::ptrdiff_t>(k), order.curve.begin() + from,
-                  order.curve.begin() + from + 1);
     }
   }
   const Index count = static_cast<Index>(id_of_rank.size());
@@ -182,11 +179,11 @@ void RegularTriangulation::build(detail::InsertionOrder& order, Index count, con
   const Execution inserting = execution.part(0.03, 0.92);
   bulk_ = &inserting;
   Index next = first;
-  bool in_pieces = false;
+  bool together = false;
   if (dimension_ < 3) {
     start_simplex({first, first + 1, first + 2, first + 3});
     next = first + 4;
-    in_pieces = first == 0;  // then all vertices have a place on the curve, as parallel insertion needs
+    together = first == 0 && execution.workers() > 1;  // no cell holds hidden points yet, which threads would fight for
   }
   const auto share = [&](Index v) { return static_cast<double>(v - first) / static_cast<double>(count); };
   constexpr Index kInsertionsPerLook = 256;
@@ -197,19 +194,28 @@ void RegularTriangulation::build(detail::InsertionOrder& order, Index count, con
   };
   for (Index round_end : order.round_ends) {
     round_end += first;
-    const Index round_begin = next;
-    std::vector<Index> rest;
-    if (in_pieces && execution.workers() > 1 && next < round_end) {
-      next = insert_in_parallel(next, round_end, order.curve, inserting.part(share(next), share(round_end)), rest);
-      // Where long cells join the pieces (random points on a surface) most insertions are given up; it will not get better.
-      in_pieces = 4 * rest.size() < slot(round_end - round_begin);
-      for (const Index v : rest) insert_rank(v);
+    if (!together) {
       for (Index v = next; v < round_end; ++v) insert_rank(v);
-      for (Index v = first; v < round_end && next == round_end; ++v) {
+    } else if (next < round_end) {
+      // Threads need cells all over space that each can begin with: of the first round some go in before.
+      constexpr Index kFirstOnes = 4;
+      const bool first_round = next == first + 4;
+      std::vector<Index> left;
+      for (Index v = next; v < round_end; ++v) {
+        if (first_round && v % kFirstOnes == 0) {
+          insert_rank(v);
+        } else {
+          left.push_back(v);
+        }
+      }
+      const std::size_t wanted = left.size();
+      // Where long cells join the parts most insertions are given up, and it will not get better.
+      if (insert_in_parallel(left, round_end, inserting.part(share(next), share(round_end))))
+        together = 4 * left.size() < wanted;
+      for (const Index v : left) insert_rank(v);
+      for (Index v = first; v < round_end; ++v) {
         if (state(v) == VertexState::kDuplicate && vertex_cell_[slot(v)] != kNone) settle_duplicate(v, first, id_of_rank);
       }
-    } else {
-      for (Index v = next; v < round_end; ++v) insert_rank(v);
     }
     next = round_end;
   }
@@ -519,6 +525,7 @@ void RegularTriangulation::collect_cavity_vertices() {
       unplaced_.push_back(u);
     }
   }
+  std::sort(hidden_by_last_.begin(), hidden_by_last_.end());
 }
 
 /// Replaces the cavity by the star of v: one new cell on each facet of its boundary.

@@ -135,7 +135,7 @@ class RegularTriangulation {
   AMPS_EXPORT void move(Index v, const Vec3& position, double weight);
 
   /// Points that the last insert() of one point, reinsert() or move() hid: the new one itself, or vertices it dominates. After
-  /// remove(): meaningless.
+  /// remove(): meaningless. Ascending, but for the new one.
   const std::vector<Index>& hidden_by_last_insertion() const { return hidden_by_last_; }
 
   /// Neighbours of the vertex that the last insert() of one point made, kInfinite included, in no particular order; of
@@ -267,8 +267,11 @@ class RegularTriangulation {
 
   // Parallel bulk insertion (triangulation_parallel.cpp).
   void clear_cells(Index begin, Index end) { std::fill(cells_.begin() + begin, cells_.begin() + end, Cell{}); }
-  Index insert_in_parallel(Index begin, Index end, const std::vector<std::uint32_t>& curve, const Execution& execution,
-                           std::vector<Index>& rest);
+  bool insert_in_parallel(std::vector<Index>& left, Index end, const Execution& execution);
+  std::vector<Vec3> some_positions(const std::vector<Index>& vertices) const;
+  void choose_owners(ParallelPass& pass, std::size_t num_workers, Index end, const std::vector<Index>& left,
+                     const Execution& execution) const;
+  void run_pass(ParallelPass& pass, std::vector<ParallelWorker>& workers, std::vector<Index>& left, const Execution& execution);
 
   // Removal (triangulation_edit.cpp).
   /// A facet of the hole's border, as the cell that it is to get: one corner, in `slot`, is kNone. Corners are numbers in the

@@ -1,5 +1,6 @@
 #include "amps/kdtree.h"
 
+#include "kit/execution.h"
 #include "kit/points.h"
 #include "kit/random.h"
 
@@ -39,8 +40,8 @@ void require_equal(const Neighbors& a, const Neighbors& b, std::size_t size) {
   }
 }
 
-void compare_with_brute_force(const Points& points, const std::vector<Vec3>& queries) {
-  const KdTree tree(points);
+void compare_with_brute_force(const Points& points, const std::vector<Vec3>& queries, unsigned threads = 1) {
+  const KdTree tree(points, on_threads(threads));
   REQUIRE(tree.size() == rows(points));
   Neighbors found;
   for (const Vec3& q : queries) {
@@ -87,6 +88,24 @@ TEST_CASE("kdtree: ties go by index, on a lattice whose every point is there thr
         Vec3(static_cast<double>(rng.below(15)), static_cast<double>(rng.below(15)), static_cast<double>(rng.below(15))) / 8);
   }
   compare_with_brute_force(points, queries);
+}
+
+TEST_CASE("kdtree: built in parts by several threads, it agrees with brute force") {
+  Rng rng(4);
+  const Points random = made_points(60000, [&rng](Index) { return Vec3{0.1 * rng.uniform(), rng.uniform(), rng.uniform()}; });
+  const Points lattice = made_points(60000, [&rng](Index) -> Vec3 {
+    return Vec3{static_cast<double>(rng.below(20)), static_cast<double>(rng.below(20)), static_cast<double>(rng.below(40))} /
+           16;
+  });
+  for (const unsigned threads : {2u, 3u, 7u}) {
+    CAPTURE(threads);
+    std::vector<Vec3> queries{Vec3(-3, 0.5, 0.5), Vec3(0.05, 0.5, 0.5), Vec3(9, 9, 9)};
+    for (int i = 0; i < 5; ++i) queries.emplace_back(rng.uniform(), rng.uniform(), rng.uniform());
+    for (int i = 0; i < 5; ++i) queries.push_back(point_at(lattice, static_cast<Index>(rng.below(60000))));
+    compare_with_brute_force(random, queries, threads);
+    compare_with_brute_force(lattice, queries, threads);  // ties on both sides of the cuts
+    compare_with_brute_force(constant_points(20000, 0.1), {Vec3(0.1, 0.1, 0.1), Vec3(0, 0, 0)}, threads);
+  }
 }
 
 TEST_CASE("kdtree: equal points, and points at one distance from the query up to rounding") {

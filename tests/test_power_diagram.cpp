@@ -378,6 +378,31 @@ TEST_CASE("power_diagram: a copy is edited without the other, and ends as the ot
   CHECK(same_slots(diagram, copy));
 }
 
+TEST_CASE("power_diagram: edits end in the same diagram, slot by slot, whatever number of threads made it") {
+  const Mesh mesh = amps::make_sphere(6000);
+  for (const double weight : {1e-4, 3e-3}) {  // the heavier ones hide some
+    CAPTURE(weight);
+    const Sites sites = random_sites(mesh, 9000, weight, 87), pool = random_sites(mesh, 400, 2 * weight, 88);
+    const auto edited = [&](unsigned threads) {
+      Diagram diagram(mesh, sites.positions, sites.weights, on_threads(threads));
+      for (Index k = 0; k < pool.size(); ++k) {
+        diagram.remove(20 * k);
+        if (k % 2 == 0) diagram.insert(pool.at(k), pool.weights[k]);
+        if (k % 5 == 0) diagram.reinsert(20 * k, pool.at(k), pool.weights[k]);
+      }
+      return diagram;
+    };
+    const Diagram one = edited(1);
+    Index hidden = 0;
+    for (Index k = 0; k < one.num_sites(); ++k) hidden += !one.removed(k) && !one.visible(k);
+    CHECK((hidden > 100) == (weight > 1e-3));
+    for (const unsigned threads : {2u, 3u}) {
+      CAPTURE(threads);
+      CHECK(same_slots(one, edited(threads)));
+    }
+  }
+}
+
 TEST_CASE("power_diagram: the filter of sides is right wherever it is sure, and it is sure of most") {
   Rng rng(86);
   int sure = 0, sure_near = 0;

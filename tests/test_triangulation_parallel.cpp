@@ -13,7 +13,7 @@ namespace {
 void check_threads_agree(const Sites& sites) {
   const RegularTriangulation one(sites.positions, sites.weights, on_threads(1));
   const auto expected = cell_set(one);
-  for (const unsigned threads : {2u, 3u}) {
+  for (const unsigned threads : {2u, 3u, 7u}) {
     CAPTURE(threads);
     const RegularTriangulation several(sites.positions, sites.weights, on_threads(threads));
     CHECK(several.check() == "");
@@ -33,6 +33,26 @@ constexpr Index kMany = 230000;
 TEST_CASE("triangulation: any number of threads gives the same cells, uniform points") {
   Rng rng(1);
   check_threads_agree(sites_of(made_points(kMany, [&rng](Index) { return random_point(rng); })));
+}
+
+TEST_CASE("triangulation: any number of threads gives the same cells, where the first round is divided among them too") {
+  Rng rng(4);
+  check_threads_agree(sites_of(made_points(9000, [&rng](Index) { return random_point(rng); })));
+  check_threads_agree(sites_of(made_points(13000, [&rng](Index) { return on_unit_sphere(rng); })));
+  const Points grid = made_points(30000, [&rng](Index) {
+    return Vec3{double(rng.below(20)), double(rng.below(20)), double(rng.below(20))};
+  });
+  check_threads_agree({grid, made_values(30000, [&rng](Index) { return static_cast<double>(rng.below(3)) / 2; })});
+}
+
+TEST_CASE("triangulation: any number of threads gives the same cells, of points that planes do not divide") {
+  Rng rng(5);
+  const auto apart = [&rng](Index k) { return k % 1000 == 0 ? rng.uniform() : 0.0; };
+  check_threads_agree(sites_of(made_points(15000, [&](Index k) { return Vec3{apart(k), rng.uniform(), rng.uniform()}; })));
+  check_threads_agree(sites_of(made_points(15000, [&](Index k) { return Vec3{apart(k), apart(k), rng.uniform()}; })));
+  // Most on one side of all cuts, in cells with far corners.
+  check_threads_agree(sites_of(made_points(
+      15000, [&](Index k) -> Vec3 { return k % 2000 == 0 ? Vec3(1e6 * random_point(rng)) : Vec3(on_unit_sphere(rng)); })));
 }
 
 TEST_SUITE("slow") {
