@@ -1,5 +1,5 @@
-// polygon_pages.h (internal): memory for many polygons whose sizes change: corners and labels in pages that never move. A room
-// has exactly the size of its polygon. Rooms that were given back are used again by their size, the last one first, since that
+// polygon_pages.h (internal): memory for many polygons whose sizes change, each in a facet: corners and labels in pages that
+// never move. Corners are kept by what they are in their facet, in half of the room of positions. A room has exactly the size of its polygon. Rooms that were given back are used again by their size, the last one first, since that
 // is in the cache; so all rooms ever made of a size are no more than were used of it at one time.
 #pragma once
 
@@ -7,11 +7,69 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <utility>
 #include <vector>
 
 namespace amps::detail {
+
+/// A point of a facet: its barycentric coordinates in whole units of 2^-47, which doubles hold, sums and differences included.
+/// 12 bytes, where a position has 24. Rounding moves a point by at most 2^-47 of the facet's longest edge.
+class PackedBarycentric {
+ public:
+  static constexpr std::int64_t kOne = std::int64_t{1} << 47;
+
+  /// Not initialized.
+  PackedBarycentric() = default;
+  /// Coordinates of corners 1 and 2, in units; that of corner 0 is what kOne has more than both.
+  PackedBarycentric(std::int64_t second, std::int64_t third)
+      : low_{static_cast<std::uint32_t>(second), static_cast<std::uint32_t>(third)},
+        high_{static_cast<std::uint16_t>(second >> 32), static_cast<std::uint16_t>(third >> 32)} {}
+
+  static PackedBarycentric of_corner(int c) { return {c == 1 ? kOne : 0, c == 2 ? kOne : 0}; }
+  /// On the edge of corners u and v, `share` in [0, 1] being the coordinate of v.
+  static PackedBarycentric on_edge(int u, int v, double share) {
+    std::int64_t units[3] = {0, 0, 0};
+    units[v] = rounded(share);
+    units[u] = kOne - units[v];
+    return {units[1], units[2]};
+  }
+  /// Of coordinates in [0, 1] with sum 1, up to rounding.
+  static PackedBarycentric inside(const Vec3& barycentric) {
+    const std::int64_t second = rounded(barycentric[1]);
+    return {second, std::min(rounded(barycentric[2]), kOne - second)};
+  }
+
+  std::int64_t second() const { return joined(0); }
+  std::int64_t third() const { return joined(1); }
+
+  /// Its position, the facet's corners given: exactly theirs at a corner, and on an edge the same bits in all facets there.
+  Vec3 position(const Vec3 (&corner)[3]) const {
+    const std::int64_t units[3] = {kOne - second() - third(), second(), third()};
+    if ((units[0] == kOne) | (units[1] == kOne) | (units[2] == kOne)) {
+      return corner[units[1] == kOne ? 1 : (units[2] == kOne ? 2 : 0)];
+    }
+    constexpr double kUnit = 1.0 / static_cast<double>(kOne);
+    const double b[3] = {kUnit * static_cast<double>(units[0]), kUnit * static_cast<double>(units[1]),
+                         kUnit * static_cast<double>(units[2])};
+    Vec3 x;
+    // 0.0 in place of −0.0, of which a corner beside the edge could make either.
+    for (int k = 0; k < 3; ++k) x[k] = b[0] * corner[0][k] + b[1] * corner[1][k] + b[2] * corner[2][k] + 0.0;
+    return x;
+  }
+
+ private:
+  static std::int64_t rounded(double share) {
+    return static_cast<std::int64_t>(share * static_cast<double>(kOne) + 0.5);
+  }
+  std::int64_t joined(int k) const {
+    return static_cast<std::int64_t>(static_cast<std::uint64_t>(high_[k]) << 32 | low_[k]);
+  }
+
+  std::uint32_t low_[2];
+  std::uint16_t high_[2];
+};
 
 class PolygonPages {
  public:
@@ -81,9 +139,9 @@ class PolygonPages {
     return added;
   }
 
-  Vec3* corners(Index room) { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
+  PackedBarycentric* corners(Index room) { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
   Index* labels(Index room) { return pages_[slot(room >> kPageBits)].labels + (room & kPageMask); }
-  const Vec3* corners(Index room) const { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
+  const PackedBarycentric* corners(Index room) const { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
   const Index* labels(Index room) const { return pages_[slot(room >> kPageBits)].labels + (room & kPageMask); }
 
   /// Corners that there is memory for.
@@ -92,7 +150,7 @@ class PolygonPages {
   std::size_t unused() const { return unused_; }
 
  private:
-  /// 28 kB a page: fragments of a hundred sites or two, and no loss to speak of where few are needed.
+  /// 16 kB a page: fragments of a hundred sites or two, and no loss to speak of where few are needed.
   static constexpr int kPageBits = 10;
   static constexpr Index kPageSize = Index{1} << kPageBits, kPageMask = kPageSize - 1;
   /// A larger one gets pages of its own, so that no more than so much of a page is lost for want of room.
@@ -100,12 +158,12 @@ class PolygonPages {
 
   /// One page, or more for a polygon that is larger than a page.
   struct Block {
-    std::unique_ptr<Vec3[]> corners;
+    std::unique_ptr<PackedBarycentric[]> corners;
     std::unique_ptr<Index[]> labels;
     std::size_t size;
   };
   struct Page {
-    Vec3* corners;
+    PackedBarycentric* corners;
     Index* labels;
   };
   struct Tail {
@@ -114,7 +172,7 @@ class PolygonPages {
 
   /// Not initialized: memory is not used before it is written to.
   static Block make_block(std::size_t size) {
-    return {std::unique_ptr<Vec3[]>(new Vec3[size]), std::unique_ptr<Index[]>(new Index[size]), size};
+    return {std::unique_ptr<PackedBarycentric[]>(new PackedBarycentric[size]), std::unique_ptr<Index[]>(new Index[size]), size};
   }
 
   void list_pages(const Block& block) {

@@ -17,9 +17,27 @@ namespace amps {
 
 using detail::slot;
 
+Vec3 RestrictedPowerDiagram::Corners::operator[](Index k) const {
+  return places_[k].position(detail::FacetCorners(*mesh_, facet_).at);
+}
+
+void RestrictedPowerDiagram::Polygon::list_corners(std::vector<Vec3>& positions) const {
+  positions.clear();
+  if (size == 0) return;
+  const detail::FacetCorners facet_corners(corners.mesh(), facet);
+  for (Index k = 0; k < size; ++k) positions.push_back(corners.places()[k].position(facet_corners.at));
+}
+
 double RestrictedPowerDiagram::Polygon::area() const {
-  Vec3 sum = Vec3::Zero();
-  for (Index k = 2; k < size; ++k) sum += (corners[k - 1] - corners[0]).cross(corners[k] - corners[0]);
+  if (size == 0) return 0;
+  const detail::FacetCorners facet_corners(corners.mesh(), facet);
+  const Vec3 first = corners.places()[0].position(facet_corners.at);
+  Vec3 sum = Vec3::Zero(), before = Vec3::Zero();
+  for (Index k = 1; k < size; ++k) {
+    const Vec3 now = corners.places()[k].position(facet_corners.at) - first;
+    sum += before.cross(now);
+    before = now;
+  }
   return 0.5 * detail::stable_norm(sum);  // areas of 1e±200 have squares out of range
 }
 
@@ -414,6 +432,7 @@ void RestrictedPowerDiagram::make_records(const Batch& batch, const SiteOrder& o
   std::vector<Index> in_facet;
   for (auto entry = batch.entries.begin(); entry != batch.entries.end();) {
     const Index facet = entry->facet;
+    const detail::FacetCorners corners(mesh_, facet);
     in_facet.clear();
     for (; entry != batch.entries.end() && entry->facet == facet; ++entry) {
       const Index f = entry->fragment;
@@ -424,7 +443,7 @@ void RestrictedPowerDiagram::make_records(const Batch& batch, const SiteOrder& o
       fragment.size = entry->size;
       if (f > order.first[slot(entry->site)]) fragment.previous_of_site = f - 1;
       if (f + 1 < order.end[slot(entry->site)]) fragment.next_of_site = f + 1;
-      bound(fragment, polygons_.corners(fragment.room));
+      bound(fragment, corners.at, polygons_.corners(fragment.room));
       fragments_[slot(f)] = fragment;
       in_facet.push_back(f);
     }
@@ -460,16 +479,20 @@ double RestrictedPowerDiagram::reach(Index f) const {
 
 /// Sets the ball around the corners. Floats carry 2^-24 of the coordinates, or lose up to 2^-127 to underflow; more than that
 /// is added to the radius.
-void RestrictedPowerDiagram::bound(Fragment& fragment, const Vec3* corner) {
+void RestrictedPowerDiagram::bound(Fragment& fragment, const Vec3 (&facet_corners)[3],
+                                   const detail::PackedBarycentric* corners) {
   constexpr double kFloatSlack = 0x1p-21, kFloatUnderflow = 0x1p-124;
-  Vec3 low = corner[0], high = corner[0];
+  Vec3 low = corners[0].position(facet_corners), high = low;
   for (Index k = 1; k < fragment.size; ++k) {
-    low = low.cwiseMin(corner[k]);
-    high = high.cwiseMax(corner[k]);
+    const Vec3 corner = corners[k].position(facet_corners);
+    low = low.cwiseMin(corner);
+    high = high.cwiseMax(corner);
   }
   const Vec3 centre = 0.5 * (low + high);
   double farthest = 0;
-  for (Index k = 0; k < fragment.size; ++k) farthest = std::max(farthest, detail::squared_norm(corner[k] - centre));
+  for (Index k = 0; k < fragment.size; ++k) {
+    farthest = std::max(farthest, detail::squared_norm(corners[k].position(facet_corners) - centre));
+  }
   for (int a = 0; a < 3; ++a) fragment.centre[slot(a)] = static_cast<float>(centre[a]);
   fragment.radius = static_cast<float>(std::sqrt(farthest) * (1 + kFloatSlack) + kFloatSlack * detail::sum(centre.cwiseAbs()) +
                                        kFloatUnderflow);
@@ -541,8 +564,9 @@ void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTa
 
 RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  if (fragment.size == 0) return {fragment.facet, fragment.site, nullptr, nullptr, 0};
-  return {fragment.facet, fragment.site, polygons_.corners(fragment.room), polygons_.labels(fragment.room), fragment.size};
+  if (fragment.size == 0) return {fragment.facet, fragment.site, {}, nullptr, 0};
+  return {fragment.facet, fragment.site, {mesh_, fragment.facet, polygons_.corners(fragment.room)},
+          polygons_.labels(fragment.room), fragment.size};
 }
 
 /// Puts a fragment at the head of its two lists.
@@ -561,10 +585,11 @@ void RestrictedPowerDiagram::link(Index f) {
 }
 
 void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper) {
-  store_polygon(fragment, clipper.corners(), clipper.labels().begin(), clipper.size());
+  store_polygon(fragment, clipper.facet_corners(), clipper.corners(), clipper.labels().begin(), clipper.size());
 }
 
-void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size) {
+void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3 (&facet_corners)[3],
+                                           const detail::PackedBarycentric* corners, const Index* labels, Index size) {
   if (size != fragment.size) {
     if (fragment.size != 0) polygons_.release(fragment.room, std::exchange(fragment.size, 0));
     fragment.room = polygons_.allocate(size);
@@ -572,14 +597,15 @@ void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3* corne
   }
   std::copy_n(corners, size, polygons_.corners(fragment.room));
   std::copy_n(labels, size, polygons_.labels(fragment.room));
-  bound(fragment, corners);
+  bound(fragment, facet_corners, corners);
 }
 
 void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper) {
-  add_fragment(facet, site, clipper.corners(), clipper.labels().begin(), clipper.size());
+  add_fragment(facet, site, clipper.facet_corners(), clipper.corners(), clipper.labels().begin(), clipper.size());
 }
 
-void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size) {
+void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Vec3 (&facet_corners)[3],
+                                          const detail::PackedBarycentric* corners, const Index* labels, Index size) {
   Index f;
   if (free_fragments_.empty()) {
     f = static_cast<Index>(fragments_.size());
@@ -590,7 +616,7 @@ void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Vec3* c
   }
   fragments_[slot(f)].facet = facet;
   fragments_[slot(f)].site = site;
-  store_polygon(fragments_[slot(f)], corners, labels, size);
+  store_polygon(fragments_[slot(f)], facet_corners, corners, labels, size);
   link(f);
   ++num_fragments_;
   changed_.push_back(f);
@@ -645,8 +671,9 @@ int RestrictedPowerDiagram::power_at_corner(const Polygon& polygon, Index k) con
 bool RestrictedPowerDiagram::covered(const Polygon& polygon) const {
   if (polygon.site == kNone) return false;
   const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
+  const detail::FacetCorners facet(mesh_, polygon.facet);
   for (Index k = 0; k < polygon.size; ++k) {
-    int side = filter.side(polygon.corners[k]);
+    int side = filter.side(polygon.corners.places()[k].position(facet.at));
     if (side == 0) side = exact_power_at_corner(polygon, k);
     if (side > 0) return false;
   }

@@ -50,16 +50,34 @@ class RestrictedPowerDiagram {
   static constexpr bool is_site(Index label) { return label >= 0; }
   static constexpr int mesh_edge(Index label) { return -1 - label; }
 
+  /// Positions of a fragment's corners: corners[k], counted from 0. Computed from what is kept, 3 to 10 ns each.
+  class Corners {
+   public:
+    Corners() = default;
+    Corners(const MeshView& mesh, Index facet, const detail::PackedBarycentric* places)
+        : mesh_(&mesh), facet_(facet), places_(places) {}
+    AMPS_EXPORT Vec3 operator[](Index k) const;
+    const MeshView& mesh() const { return *mesh_; }
+    const detail::PackedBarycentric* places() const { return places_; }
+
+   private:
+    const MeshView* mesh_ = nullptr;
+    Index facet_ = kNone;
+    const detail::PackedBarycentric* places_ = nullptr;
+  };
+
   /// A fragment. Corner k lies between edges k − 1 and k; edge k runs from corner k to corner k + 1; counter-clockwise in the
-  /// facet's own orientation. The view is valid until the next edit.
+  /// facet's own orientation. The view is valid until the next edit, and as long as the diagram is not moved.
   struct Polygon {
     Index facet = kNone;
     Index site = kNone;  ///< kNone: no site reaches the facet
-    const Vec3* corners = nullptr;
+    Corners corners;
     const Index* labels = nullptr;
     Index size = 0;
     /// Area, absolute units.
     AMPS_EXPORT double area() const;
+    /// All corners at once, in place of what `positions` had.
+    AMPS_EXPORT void list_corners(std::vector<Vec3>& positions) const;
   };
 
   /// The diagram of the given sites (#S by 3, #S weights; ids are rows). Views are not copied: the mesh's buffers must outlive
@@ -226,7 +244,7 @@ class RestrictedPowerDiagram {
     std::vector<Index> around;  ///< the neighbours of the site
     std::vector<Cut> cuts;      ///< grouped by site
     std::vector<Piece> pieces;
-    std::vector<Vec3> corners;  ///< of what is left by the cuts, and of the pieces
+    std::vector<detail::PackedBarycentric> corners;  ///< of what is left by the cuts, and of the pieces
     std::vector<Index> labels;
   };
 
@@ -280,10 +298,12 @@ class RestrictedPowerDiagram {
   int exact_power_at_corner(const Polygon& polygon, Index k) const;
   void link(Index f);
   void add_fragment(Index facet, Index site, const Clipper& clipper);
-  void add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size);
+  void add_fragment(Index facet, Index site, const Vec3 (&facet_corners)[3], const detail::PackedBarycentric* corners,
+                    const Index* labels, Index size);
   void store_polygon(Fragment& fragment, const Clipper& clipper);
-  void store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size);
-  static void bound(Fragment& fragment, const Vec3* corner);
+  void store_polygon(Fragment& fragment, const Vec3 (&facet_corners)[3], const detail::PackedBarycentric* corners,
+                     const Index* labels, Index size);
+  static void bound(Fragment& fragment, const Vec3 (&facet_corners)[3], const detail::PackedBarycentric* corners);
   void free_fragment(Index f);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
   std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper);

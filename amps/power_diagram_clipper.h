@@ -17,8 +17,8 @@
 namespace amps {
 namespace detail {
 
-/// A corner computed from barycentric coordinates good to a few 2^-46 (predicates.h) is off by less than this, relative to the
-/// facet's longest edge, plus kPositionRounding relative to its largest coordinate.
+/// A corner computed from barycentric coordinates good to a few 2^-46 (predicates.h), and then rounded to 2^-47, is off by less
+/// than this, relative to the facet's longest edge, plus kPositionRounding relative to its largest coordinate.
 inline constexpr double kPositionError = 0x1p-42;
 inline constexpr double kPositionRounding = 0x1p-49;
 /// Relative rounding of D_k(x) evaluated in doubles: 8 operations, slack 4.
@@ -86,6 +86,12 @@ class SideFilter {
   double weights_, gradient_, weight_error_;
 };
 
+/// The corners of a facet, where several points of it are computed.
+struct FacetCorners {
+  Vec3 at[3];
+  FacetCorners(const MeshView& mesh, Index facet) : at{mesh.corner(facet, 0), mesh.corner(facet, 1), mesh.corner(facet, 2)} {}
+};
+
 /// Order of a site's planes; ties by site, so that nothing depends on the sort. A type, which sorting compiles in.
 struct NearerPlane {
   template <class Plane>
@@ -110,7 +116,7 @@ class RestrictedPowerDiagram::Clipper {
   Clipper& operator=(const Clipper&) = delete;
 
   /// For bulk work, while no site changes: two or three fragments of a facet have a corner, one after the other.
-  void remember_crossings() { known_.resize(kCrossingsKnown, Crossing{kNone, 0, 0, 0, Vec3::Zero()}); }
+  void remember_crossings() { known_.resize(kCrossingsKnown, Crossing{kNone, 0, 0, 0, {{0, 0}, Vec3::Zero()}}); }
 
   void set_facet(Index facet) {
     const MeshView& mesh = diagram_.mesh_;
@@ -131,7 +137,9 @@ class RestrictedPowerDiagram::Clipper {
   /// The whole facet, owned by nobody; not to be clipped.
   void start_ownerless() {
     now_->clear(3);
-    for (int c = 0; c < 3; ++c) now_->add(corner(c), mesh_edge_label(c), owner_position_);
+    for (int c = 0; c < 3; ++c) {
+      now_->add({detail::PackedBarycentric::of_corner(c), position_[c]}, mesh_edge_label(c), owner_position_);
+    }
     measure();
   }
 
@@ -139,7 +147,7 @@ class RestrictedPowerDiagram::Clipper {
     set_facet(polygon.facet);
     set_owner(polygon.site);
     now_->clear(detail::slot(polygon.size));
-    for (Index k = 0; k < polygon.size; ++k) now_->add(polygon.corners[k], polygon.labels[k], owner_position_);
+    for (Index k = 0; k < polygon.size; ++k) now_->add(placed(polygon, k), polygon.labels[k], owner_position_);
     measure();
   }
 
@@ -162,7 +170,7 @@ class RestrictedPowerDiagram::Clipper {
       k = k + 1 == m ? 0 : k + 1;
       next_->add(*now_, k);
     } while (now_->labels[k] != out);
-    for (Index e = 2; e < n; ++e) next_->add(polygon.corners[(at + e) % n], polygon.labels[(at + e) % n], owner_position_);
+    for (Index e = 2; e < n; ++e) next_->add(placed(polygon, (at + e) % n), polygon.labels[(at + e) % n], owner_position_);
     std::swap(now_, next_);
     measure();
   }
@@ -210,15 +218,23 @@ class RestrictedPowerDiagram::Clipper {
   double security_radius() const { return reach_; }
 
   Index size() const { return static_cast<Index>(now_->size); }
-  const Vec3* corners() const { return now_->corners.data(); }
+  const detail::PackedBarycentric* corners() const { return now_->corners.data(); }
+  const Vec3 (&facet_corners() const)[3] { return position_; }
   Labels labels() const { return {now_->labels.data(), now_->labels.data() + now_->size}; }
 
  private:
+  /// A point of the facet, as it is kept, and where that is.
+  struct Placed {
+    detail::PackedBarycentric place;
+    Vec3 position;
+  };
+
   /// A polygon in arrays that keep their room.
   struct Arrays {
     std::size_t size = 0;
-    std::vector<Vec3> corners, relative;  ///< absolute, and to the owner
-    std::vector<double> squares;          ///< squared distances from the owner
+    std::vector<detail::PackedBarycentric> corners;
+    std::vector<Vec3> relative;   ///< to the owner
+    std::vector<double> squares;  ///< squared distances from the owner
     std::vector<Index> labels;
 
     /// Makes it empty, with room for that many corners.
@@ -232,9 +248,9 @@ class RestrictedPowerDiagram::Clipper {
       squares.resize(room);
       labels.resize(room);
     }
-    void add(const Vec3& x, Index label, const Vec3& owner) {
-      corners[size] = x;
-      relative[size] = x - owner;
+    void add(const Placed& x, Index label, const Vec3& owner) {
+      corners[size] = x.place;
+      relative[size] = x.position - owner;
       squares[size] = detail::squared_norm(relative[size]);
       labels[size++] = label;
     }
@@ -250,13 +266,15 @@ class RestrictedPowerDiagram::Clipper {
   struct Crossing {
     Index facet;
     Index a, b, c;  ///< the sites and the edge's label, ascending
-    Vec3 position;
+    Placed placed;
   };
   /// A facet's fragments are found next to each other: those of the last 20 or so.
   static constexpr int kCrossingBits = 6;
   static constexpr std::size_t kCrossingsKnown = std::size_t{1} << kCrossingBits;
 
-  const Vec3& corner(int c) const { return position_[c]; }
+  Placed placed(const detail::PackedBarycentric& place) const { return {place, place.position(position_)}; }
+  /// Corner k of a polygon of the facet.
+  Placed placed(const Polygon& polygon, Index k) const { return placed(polygon.corners.places()[k]); }
 
   void set_owner(Index site) {
     owner_site_ = site;
@@ -292,8 +310,8 @@ class RestrictedPowerDiagram::Clipper {
   Bisector bisector(Index label) const { return Bisector(*owner_, diagram_.site(label), corner_); }
 
   /// The intersection of the line of an edge with the bisector of `other`.
-  Vec3 crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) {
-    if (known_.empty()) return compute_crossing(label, other, bisector_with_other);
+  Placed crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) {
+    if (known_.empty()) return placed(compute_crossing(label, other, bisector_with_other));
     // All fragments there compute the same bits, so it does not matter which one did.
     Index a = owner_site_, b = other, c = label;
     if (b < a) std::swap(a, b);
@@ -303,21 +321,21 @@ class RestrictedPowerDiagram::Clipper {
                                0xc2b2ae3du * static_cast<std::uint32_t>(c);
     Crossing& known = known_[hash >> (32 - kCrossingBits)];
     if (known.facet != facet_ || known.a != a || known.b != b || known.c != c) {
-      known = {facet_, a, b, c, compute_crossing(label, other, bisector_with_other)};
+      known = {facet_, a, b, c, placed(compute_crossing(label, other, bisector_with_other))};
     }
-    return known.position;
+    return known.placed;
   }
 
-  Vec3 compute_crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) const {
+  detail::PackedBarycentric compute_crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) const {
     if (is_site(label)) {
-      const Vec3 b = facet_crossing_coordinates(corner_, *owner_, diagram_.site(label), diagram_.site(other));
-      return b[0] * corner(0) + b[1] * corner(1) + b[2] * corner(2);
+      return detail::PackedBarycentric::inside(
+          facet_crossing_coordinates(corner_, *owner_, diagram_.site(label), diagram_.site(other)));
     }
     // Ends in the order of their global indices: both facets of the edge compute the same bits.
     int u = mesh_edge(label), v = (u + 1) % 3;
     if (vertex_[detail::slot(u)] > vertex_[detail::slot(v)]) std::swap(u, v);
     const std::array<double, 2> b = edge_crossing_coordinates(corner_, u, v, with(diagram_.site(other), bisector_with_other));
-    return b[0] * corner(u) + b[1] * corner(v);
+    return detail::PackedBarycentric::on_edge(u, v, b[1]);
   }
 
   /// Replaces the outside corners, one run of them since both polygon and half-space are convex, by two crossings.

@@ -183,7 +183,7 @@ void RestrictedPowerDiagram::find_cell(Clipper& clipper, NewCell& cell) const {
 }
 
 void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
-  const Vec3* corners = cell.corners.data();
+  const detail::PackedBarycentric* corners = cell.corners.data();
   const Index* labels = cell.labels.data();
   for (std::size_t k = 0; k < cell.cuts.size(); ++k) {
     const NewCell::Cut& cut = cell.cuts[k];
@@ -191,7 +191,8 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
     if (cut.size == 0) {
       free_fragment(cut.fragment);
     } else {
-      store_polygon(fragments_[slot(cut.fragment)], corners, labels, cut.size);
+      const detail::FacetCorners facet(mesh_, fragments_[slot(cut.fragment)].facet);
+      store_polygon(fragments_[slot(cut.fragment)], facet.at, corners, labels, cut.size);
     }
     corners += cut.size;
     labels += cut.size;
@@ -200,7 +201,7 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
     update_reach(cut.site);
   }
   for (const NewCell::Piece& piece : cell.pieces) {
-    add_fragment(piece.facet, cell.site, corners, labels, piece.size);
+    add_fragment(piece.facet, cell.site, detail::FacetCorners(mesh_, piece.facet).at, corners, labels, piece.size);
     corners += piece.size;
     labels += piece.size;
   }
@@ -263,7 +264,7 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
 /// For the polygon of a fragment, and the corners' indices of its facet.
 void RestrictedPowerDiagram::prefetch_polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  const Vec3* const corners = polygons_.corners(fragment.room);
+  const detail::PackedBarycentric* const corners = polygons_.corners(fragment.room);
   detail::prefetch(corners);
   detail::prefetch(corners + fragment.size - 1);
   detail::prefetch(polygons_.labels(fragment.room));

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace amps {
@@ -33,8 +34,9 @@ bool ball_may_meet(const RestrictedPowerDiagram::Polygon& polygon, const Vec3& n
   const Vec3 p = ball.position();
   double nearest = INFINITY;
   bool above_inside = true;
+  Vec3 b = polygon.corners[polygon.size - 1];
   for (Index k = 0; k < polygon.size; ++k) {
-    const Vec3 a = polygon.corners[k], along = polygon.corners[k + 1 == polygon.size ? 0 : k + 1] - a;
+    const Vec3 a = std::exchange(b, polygon.corners[k]), along = b - a;
     const double length2 = squared_norm(along);
     const double t = length2 > 0 ? std::min(std::max(dot(p - a, along) / length2, 0.0), 1.0) : 0.0;
     nearest = std::min(nearest, squared_norm(a + t * along - p));

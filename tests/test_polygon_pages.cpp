@@ -1,4 +1,4 @@
-// Memory of polygons that change: rooms never overlap, keep what is in them, and are used again.
+// Memory of polygons that change: rooms never overlap, keep what is in them, and are used again. And how corners are kept.
 #include "amps/polygon_pages.h"
 
 #include "kit/basics.h"
@@ -13,6 +13,7 @@
 
 namespace amps_test {
 
+using amps::detail::PackedBarycentric;
 using amps::detail::PolygonPages;
 
 namespace {
@@ -24,14 +25,16 @@ struct Room {
 /// Corners and labels tell the polygon and the place in it.
 void fill(PolygonPages& pages, const Room& room) {
   for (Index k = 0; k < room.size; ++k) {
-    pages.corners(room.at)[k] = Vec3(room.name, k, room.size);
+    pages.corners(room.at)[k] = {(std::int64_t{room.name} << 8) + k, room.size};
     pages.labels(room.at)[k] = room.name + k;
   }
 }
 
 bool is_filled(const PolygonPages& pages, const Room& room) {
   for (Index k = 0; k < room.size; ++k) {
-    if (pages.corners(room.at)[k] != Vec3(room.name, k, room.size) || pages.labels(room.at)[k] != room.name + k) return false;
+    const PackedBarycentric corner = pages.corners(room.at)[k];
+    const bool kept = corner.second() == (std::int64_t{room.name} << 8) + k && corner.third() == room.size;
+    if (!kept || pages.labels(room.at)[k] != room.name + k) return false;
   }
   return true;
 }
