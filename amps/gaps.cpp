@@ -41,17 +41,11 @@ double angle_minus_sine(double x) {
 }  // namespace
 
 double FragmentGap::assign(const RestrictedPowerDiagram& diagram, const RestrictedPowerDiagram::Polygon& polygon) {
-  decided_.resize(static_cast<std::size_t>(polygon.size));
-  bool any_uncovered = false;
-  for (Index k = 0; k < polygon.size; ++k) {
-    decided_[slot(k)] = diagram.power_at_corner(polygon, k) > 0;
-    any_uncovered |= decided_[slot(k)] != 0;
-  }
-  if (!any_uncovered) {
+  polygon.list_corners(positions_);
+  if (!diagram.list_uncovered(polygon, positions_, decided_)) {
     clear();
     return 0;
   }
-  polygon.list_corners(positions_);
   const Vec3 normal = normal_of(diagram.mesh(), polygon.facet);
   if (polygon.site == kNone) {  // all of it is a gap, as beside a ball that is too far away to meet it
     double extent = 0;

@@ -17,15 +17,15 @@ namespace amps {
 
 using detail::slot;
 
-Vec3 RestrictedPowerDiagram::Corners::operator[](Index k) const {
+Vec3 RestrictedPowerDiagram::Corners::operator[](std::ptrdiff_t k) const {
   return places_[k].position(detail::FacetCorners(*mesh_, facet_).at);
 }
 
 void RestrictedPowerDiagram::Polygon::list_corners(std::vector<Vec3>& positions) const {
-  positions.clear();
+  positions.resize(detail::slot(size));
   if (size == 0) return;
   const detail::FacetCorners facet_corners(corners.mesh(), facet);
-  for (Index k = 0; k < size; ++k) positions.push_back(corners.places()[k].position(facet_corners.at));
+  for (std::size_t k = 0; k < positions.size(); ++k) positions[k] = corners.places()[k].position(facet_corners.at);
 }
 
 double RestrictedPowerDiagram::Polygon::area() const {
@@ -49,6 +49,7 @@ struct RestrictedPowerDiagram::Batch {
     Index facet, site, size;
     Index room;      ///< in `polygons`, and later in those of the diagram
     Index fragment;  ///< its number, once it has one
+    detail::PackedBall ball;
   };
   std::vector<Entry> entries;
   detail::PolygonPages polygons;
@@ -64,7 +65,7 @@ struct RestrictedPowerDiagram::Batch {
     const Index size = clipper.size(), room = polygons.allocate(size);
     std::copy_n(clipper.corners(), size, polygons.corners(room));
     std::copy(clipper.labels().begin(), clipper.labels().end(), polygons.labels(room));
-    entries.push_back({facet, site, size, room, kNone});
+    entries.push_back({facet, site, size, room, kNone, clipper.ball()});
   }
 };
 
@@ -432,7 +433,6 @@ void RestrictedPowerDiagram::make_records(const Batch& batch, const SiteOrder& o
   std::vector<Index> in_facet;
   for (auto entry = batch.entries.begin(); entry != batch.entries.end();) {
     const Index facet = entry->facet;
-    const detail::FacetCorners corners(mesh_, facet);
     in_facet.clear();
     for (; entry != batch.entries.end() && entry->facet == facet; ++entry) {
       const Index f = entry->fragment;
@@ -443,7 +443,7 @@ void RestrictedPowerDiagram::make_records(const Batch& batch, const SiteOrder& o
       fragment.size = entry->size;
       if (f > order.first[slot(entry->site)]) fragment.previous_of_site = f - 1;
       if (f + 1 < order.end[slot(entry->site)]) fragment.next_of_site = f + 1;
-      bound(fragment, corners.at, polygons_.corners(fragment.room));
+      fragment.ball = entry->ball;
       fragments_[slot(f)] = fragment;
       in_facet.push_back(f);
     }
@@ -472,30 +472,7 @@ void RestrictedPowerDiagram::update_reach(Index s) {
 double RestrictedPowerDiagram::reach(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
   if (fragment.site == kNone) return INFINITY;
-  const WeightedPoint& owner = site(fragment.site);
-  const Vec3 offset(fragment.centre[0] - owner.x, fragment.centre[1] - owner.y, fragment.centre[2] - owner.z);
-  return (detail::norm(offset) + fragment.radius) * (1 + detail::kOffsetSlack) + largest_facet_error_;
-}
-
-/// Sets the ball around the corners. Floats carry 2^-24 of the coordinates, or lose up to 2^-127 to underflow; more than that
-/// is added to the radius.
-void RestrictedPowerDiagram::bound(Fragment& fragment, const Vec3 (&facet_corners)[3],
-                                   const detail::PackedBarycentric* corners) {
-  constexpr double kFloatSlack = 0x1p-21, kFloatUnderflow = 0x1p-124;
-  Vec3 low = corners[0].position(facet_corners), high = low;
-  for (Index k = 1; k < fragment.size; ++k) {
-    const Vec3 corner = corners[k].position(facet_corners);
-    low = low.cwiseMin(corner);
-    high = high.cwiseMax(corner);
-  }
-  const Vec3 centre = 0.5 * (low + high);
-  double farthest = 0;
-  for (Index k = 0; k < fragment.size; ++k) {
-    farthest = std::max(farthest, detail::squared_norm(corners[k].position(facet_corners) - centre));
-  }
-  for (int a = 0; a < 3; ++a) fragment.centre[slot(a)] = static_cast<float>(centre[a]);
-  fragment.radius = static_cast<float>(std::sqrt(farthest) * (1 + kFloatSlack) + kFloatSlack * detail::sum(centre.cwiseAbs()) +
-                                       kFloatUnderflow);
+  return (detail::norm(fragment.ball.centre()) + fragment.ball.radius()) * (1 + detail::kOffsetSlack) + largest_facet_error_;
 }
 
 /// The owner of x. There is one only, wherever the walk begins.
@@ -585,10 +562,10 @@ void RestrictedPowerDiagram::link(Index f) {
 }
 
 void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper) {
-  store_polygon(fragment, clipper.facet_corners(), clipper.corners(), clipper.labels().begin(), clipper.size());
+  store_polygon(fragment, clipper.ball(), clipper.corners(), clipper.labels().begin(), clipper.size());
 }
 
-void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3 (&facet_corners)[3],
+void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const detail::PackedBall& ball,
                                            const detail::PackedBarycentric* corners, const Index* labels, Index size) {
   if (size != fragment.size) {
     if (fragment.size != 0) polygons_.release(fragment.room, std::exchange(fragment.size, 0));
@@ -597,14 +574,14 @@ void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3 (&face
   }
   std::copy_n(corners, size, polygons_.corners(fragment.room));
   std::copy_n(labels, size, polygons_.labels(fragment.room));
-  bound(fragment, facet_corners, corners);
+  fragment.ball = ball;
 }
 
 void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper) {
-  add_fragment(facet, site, clipper.facet_corners(), clipper.corners(), clipper.labels().begin(), clipper.size());
+  add_fragment(facet, site, clipper.ball(), clipper.corners(), clipper.labels().begin(), clipper.size());
 }
 
-void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Vec3 (&facet_corners)[3],
+void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const detail::PackedBall& ball,
                                           const detail::PackedBarycentric* corners, const Index* labels, Index size) {
   Index f;
   if (free_fragments_.empty()) {
@@ -616,7 +593,7 @@ void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Vec3 (&
   }
   fragments_[slot(f)].facet = facet;
   fragments_[slot(f)].site = site;
-  store_polygon(fragments_[slot(f)], facet_corners, corners, labels, size);
+  store_polygon(fragments_[slot(f)], ball, corners, labels, size);
   link(f);
   ++num_fragments_;
   changed_.push_back(f);
@@ -666,6 +643,21 @@ int RestrictedPowerDiagram::power_at_corner(const Polygon& polygon, Index k) con
   const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
   const int side = filter.side(polygon.corners[k]);
   return side != 0 ? side : exact_power_at_corner(polygon, k);
+}
+
+bool RestrictedPowerDiagram::list_uncovered(const Polygon& polygon, const std::vector<Vec3>& corners,
+                                            std::vector<char>& uncovered) const {
+  uncovered.assign(slot(polygon.size), 1);
+  if (polygon.site == kNone) return polygon.size > 0;
+  const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
+  bool any = false;
+  for (Index k = 0; k < polygon.size; ++k) {
+    int side = filter.side(corners[slot(k)]);
+    if (side == 0) side = exact_power_at_corner(polygon, k);
+    uncovered[slot(k)] = side > 0;
+    any = any || side > 0;
+  }
+  return any;
 }
 
 bool RestrictedPowerDiagram::covered(const Polygon& polygon) const {

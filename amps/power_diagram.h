@@ -56,7 +56,7 @@ class RestrictedPowerDiagram {
     Corners() = default;
     Corners(const MeshView& mesh, Index facet, const detail::PackedBarycentric* places)
         : mesh_(&mesh), facet_(facet), places_(places) {}
-    AMPS_EXPORT Vec3 operator[](Index k) const;
+    AMPS_EXPORT Vec3 operator[](std::ptrdiff_t k) const;
     const MeshView& mesh() const { return *mesh_; }
     const detail::PackedBarycentric* places() const { return places_; }
 
@@ -129,6 +129,8 @@ class RestrictedPowerDiagram {
   /// Is the owner's ball (radius² = weight, closed) without corner k of the fragment? +1 yes, 0 the corner lies on the sphere,
   /// −1 no. Exact: the corner is the symbolic one, however its coordinates are rounded. O(1).
   AMPS_EXPORT int power_at_corner(const Polygon& polygon, Index k) const;
+  /// Is power_at_corner() > 0, for all corners at once? Their positions are given. True if it is at any.
+  bool list_uncovered(const Polygon& polygon, const std::vector<Vec3>& corners, std::vector<char>& uncovered) const;
   /// Does the owner's ball cover the fragment? Exact: both are convex, so it does iff no corner is without. The surface is
   /// covered iff all fragments are, see predicates.h. O(size).
   AMPS_EXPORT bool covered(const Polygon& polygon) const;
@@ -215,10 +217,9 @@ class RestrictedPowerDiagram {
     Index size = 0;  ///< 0: free slot
     Index next_of_site = kNone, previous_of_site = kNone;
     Index next_of_facet = kNone, previous_of_facet = kNone;
-    /// A ball around the corners, rounded outwards: tells most fragments of a site from those an insertion touches, without a
-    /// look at the corners. With it a record is 48 bytes, and a site's fragments are read as a stream.
-    std::array<float, 3> centre{};
-    float radius = 0;
+    /// A ball around the corners, relative to the site: tells most fragments of a site from those an insertion touches, without
+    /// a look at the corners. With it a record is 40 bytes, and a site's fragments are read as a stream.
+    detail::PackedBall ball;
   };
 
   /// Of dividing the fragments of one cell, each in its own facet.
@@ -236,9 +237,11 @@ class RestrictedPowerDiagram {
   struct NewCell {
     struct Cut {
       Index fragment, site, size;  ///< size: of what is left of it
+      detail::PackedBall ball;     ///< around that
     };
     struct Piece {
       Index facet, size;
+      detail::PackedBall ball;
     };
     Index site = kNone;
     std::vector<Index> around;  ///< the neighbours of the site
@@ -298,12 +301,11 @@ class RestrictedPowerDiagram {
   int exact_power_at_corner(const Polygon& polygon, Index k) const;
   void link(Index f);
   void add_fragment(Index facet, Index site, const Clipper& clipper);
-  void add_fragment(Index facet, Index site, const Vec3 (&facet_corners)[3], const detail::PackedBarycentric* corners,
+  void add_fragment(Index facet, Index site, const detail::PackedBall& ball, const detail::PackedBarycentric* corners,
                     const Index* labels, Index size);
   void store_polygon(Fragment& fragment, const Clipper& clipper);
-  void store_polygon(Fragment& fragment, const Vec3 (&facet_corners)[3], const detail::PackedBarycentric* corners,
+  void store_polygon(Fragment& fragment, const detail::PackedBall& ball, const detail::PackedBarycentric* corners,
                      const Index* labels, Index size);
-  static void bound(Fragment& fragment, const Vec3 (&facet_corners)[3], const detail::PackedBarycentric* corners);
   void free_fragment(Index f);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
   std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper);

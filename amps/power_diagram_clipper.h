@@ -47,6 +47,8 @@ class RelativeFilter {
   double value(const Vec3& y) const noexcept { return constant_ - 2 * dot(difference_, y); }
   /// The owner's side for sure, given a value; the other's if it is so for the negative value. Never for NaN, from overflow.
   bool is_inside(double value) const noexcept { return value > margin_; }
+  /// |∇D|: a ball around y is on the owner's side if is_inside(value(y) − slope · radius).
+  double slope() const noexcept { return 2 * (1 + kOffsetSlack) * norm(difference_); }
   /// The side if it is sure, else 0.
   int side(const Vec3& y) const noexcept {
     const double at = value(y);
@@ -56,34 +58,6 @@ class RelativeFilter {
  private:
   Vec3 difference_;
   double constant_, margin_;
-};
-
-/// Tells balls on the owner's side of a bisector, by D_j(x) in doubles.
-class SideFilter {
- public:
-  SideFilter(const WeightedPoint& owner, const WeightedPoint& other) noexcept
-      : difference_(other.position() - owner.position()),
-        sum_(other.position() + owner.position()),
-        weights_(owner.w - other.w),
-        gradient_(sum(difference_.cwiseAbs())),
-        weight_error_(kSideRounding * std::fabs(weights_)) {}
-
-  /// |∇D|, for surely_inside.
-  double slope() const noexcept { return 2 * (1 + kOffsetSlack) * norm(difference_); }
-
-  /// True only if all points within `radius` of x are on the owner's side. `error`, of x, must include kPositionRounding of the
-  /// coordinates: the sum above has that rounding too. NaN and infinity give false.
-  bool surely_inside(const Vec3& x, double radius, double error, double slope) const noexcept {
-    const double tx = sum_.x() - 2 * x.x(), ty = sum_.y() - 2 * x.y(), tz = sum_.z() - 2 * x.z();
-    const double value = (difference_.x() * tx + difference_.y() * ty + difference_.z() * tz) + weights_;
-    // |∇D| = 2|p_j − p_i|; the 1-norm bounds it from above.
-    const double span = std::fabs(tx) + std::fabs(ty) + std::fabs(tz);
-    return value > slope * radius + (gradient_ * (2 * error + kSideRounding * span) + weight_error_);
-  }
-
- private:
-  Vec3 difference_, sum_;
-  double weights_, gradient_, weight_error_;
 };
 
 /// The corners of a facet, where several points of it are computed.
@@ -136,6 +110,7 @@ class RestrictedPowerDiagram::Clipper {
 
   /// The whole facet, owned by nobody; not to be clipped.
   void start_ownerless() {
+    if (owner_site_ == kNone) owner_position_ = Vec3::Zero();
     now_->clear(3);
     for (int c = 0; c < 3; ++c) {
       now_->add({detail::PackedBarycentric::of_corner(c), position_[c]}, mesh_edge_label(c), owner_position_);
@@ -219,7 +194,7 @@ class RestrictedPowerDiagram::Clipper {
 
   Index size() const { return static_cast<Index>(now_->size); }
   const detail::PackedBarycentric* corners() const { return now_->corners.data(); }
-  const Vec3 (&facet_corners() const)[3] { return position_; }
+  detail::PackedBall ball() const { return detail::PackedBall(now_->relative.data(), now_->size); }
   Labels labels() const { return {now_->labels.data(), now_->labels.data() + now_->size}; }
 
  private:
@@ -272,9 +247,11 @@ class RestrictedPowerDiagram::Clipper {
   static constexpr int kCrossingBits = 6;
   static constexpr std::size_t kCrossingsKnown = std::size_t{1} << kCrossingBits;
 
-  Placed placed(const detail::PackedBarycentric& place) const { return {place, place.position(position_)}; }
   /// Corner k of a polygon of the facet.
-  Placed placed(const Polygon& polygon, Index k) const { return placed(polygon.corners.places()[k]); }
+  Placed placed(const Polygon& polygon, Index k) const {
+    const detail::PackedBarycentric& place = polygon.corners.places()[k];
+    return {place, place.position(position_)};
+  }
 
   void set_owner(Index site) {
     owner_site_ = site;
@@ -310,8 +287,11 @@ class RestrictedPowerDiagram::Clipper {
   Bisector bisector(Index label) const { return Bisector(*owner_, diagram_.site(label), corner_); }
 
   /// The intersection of the line of an edge with the bisector of `other`.
-  Placed crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) {
-    if (known_.empty()) return placed(compute_crossing(label, other, bisector_with_other));
+  const Placed& crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) {
+    if (known_.empty()) {
+      compute_crossing(label, other, bisector_with_other, unknown_);
+      return unknown_;
+    }
     // All fragments there compute the same bits, so it does not matter which one did.
     Index a = owner_site_, b = other, c = label;
     if (b < a) std::swap(a, b);
@@ -321,21 +301,26 @@ class RestrictedPowerDiagram::Clipper {
                                0xc2b2ae3du * static_cast<std::uint32_t>(c);
     Crossing& known = known_[hash >> (32 - kCrossingBits)];
     if (known.facet != facet_ || known.a != a || known.b != b || known.c != c) {
-      known = {facet_, a, b, c, placed(compute_crossing(label, other, bisector_with_other))};
+      known.facet = facet_;
+      known.a = a;
+      known.b = b;
+      known.c = c;
+      compute_crossing(label, other, bisector_with_other, known.placed);
     }
     return known.placed;
   }
 
-  detail::PackedBarycentric compute_crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) const {
+  void compute_crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other, Placed& result) const {
     if (is_site(label)) {
-      return detail::PackedBarycentric::inside(
-          facet_crossing_coordinates(corner_, *owner_, diagram_.site(label), diagram_.site(other)));
+      const Vec3 b = facet_crossing_coordinates(corner_, *owner_, diagram_.site(label), diagram_.site(other));
+      result.place = detail::PackedBarycentric::inside(b, position_, result.position);
+      return;
     }
     // Ends in the order of their global indices: both facets of the edge compute the same bits.
     int u = mesh_edge(label), v = (u + 1) % 3;
     if (vertex_[detail::slot(u)] > vertex_[detail::slot(v)]) std::swap(u, v);
     const std::array<double, 2> b = edge_crossing_coordinates(corner_, u, v, with(diagram_.site(other), bisector_with_other));
-    return detail::PackedBarycentric::on_edge(u, v, b[1]);
+    result.place = detail::PackedBarycentric::on_edge(u, v, b[1], position_, result.position);
   }
 
   /// Replaces the outside corners, one run of them since both polygon and half-space are convex, by two crossings.
@@ -371,6 +356,7 @@ class RestrictedPowerDiagram::Clipper {
   std::vector<double> values_;  ///< of a bisector, at the corners
   std::vector<char> inside_;
   std::vector<Crossing> known_;  ///< by hash
+  Placed unknown_{{0, 0}, Vec3::Zero()};
 };
 
 }  // namespace amps

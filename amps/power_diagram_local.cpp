@@ -71,9 +71,8 @@ bool RestrictedPowerDiagram::is_foreign(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
   if (reach_lists_->reaches(fragment.site, fragment.facet)) return false;
   const WeightedPoint& owner = site(fragment.site);
-  const Vec3 offset(fragment.centre[0] - owner.x, fragment.centre[1] - owner.y, fragment.centre[2] - owner.z);
   const double error = facet_error_[slot(fragment.facet)];
-  const double beyond = detail::norm(offset) * (1 - detail::kOffsetSlack) - fragment.radius - error;
+  const double beyond = detail::norm(fragment.ball.centre()) * (1 - detail::kOffsetSlack) - fragment.ball.radius() - error;
   if (beyond > 0 && beyond * beyond > owner.w) return false;
   return detail::ball_may_meet(polygon(f), detail::normal_of(mesh_, fragment.facet), owner, error);
 }
@@ -379,8 +378,8 @@ void RestrictedPowerDiagram::find_local_candidates(Index f, std::vector<Index>& 
   const Index facet = fragment.facet;
   if (!site_tree_.empty() && reach_lists_->num_samples(facet) > detail::kFewLocalSites) {
     // At a point of the fragment its new owner has at most the power of whoever is beyond an edge.
-    const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
-    const double radius = fragment.radius + largest_facet_error_;
+    const Vec3 centre = site(fragment.site).position() + fragment.ball.centre();
+    const double radius = fragment.ball.radius() + largest_facet_error_;
     const Polygon left = polygon(f);
     double max_power = INFINITY;
     for (Index k = 0; k < left.size; ++k) {
