@@ -1,6 +1,7 @@
 // polygon_pages.h (internal): memory for many polygons whose sizes change, each in a facet: corners and labels in pages that
-// never move. Corners are kept by what they are in their facet, in half of the room of positions. A room has exactly the size of its polygon. Rooms that were given back are used again by their size, the last one first, since that
-// is in the cache; so all rooms ever made of a size are no more than were used of it at one time.
+// never move. Corners are kept by what they are in their facet, in half of the room of positions. A room has exactly the size
+// of its polygon. Rooms that were given back are used again by their size, the last one first, since that is in the cache; so
+// all rooms ever made of a size are no more than were used of it at one time.
 #pragma once
 
 #include "amps/base.h"
@@ -65,12 +66,8 @@ class PackedBarycentric {
             b0 * corner[0][1] + b1 * corner[1][1] + b2 * corner[2][1],
             b0 * corner[0][2] + b1 * corner[1][2] + b2 * corner[2][2]};
   }
-  static std::int64_t rounded(double share) {
-    return static_cast<std::int64_t>(share * static_cast<double>(kOne) + 0.5);
-  }
-  std::int64_t joined(int k) const {
-    return static_cast<std::int64_t>(static_cast<std::uint64_t>(high_[k]) << 32 | low_[k]);
-  }
+  static std::int64_t rounded(double share) { return static_cast<std::int64_t>(share * static_cast<double>(kOne) + 0.5); }
+  std::int64_t joined(int k) const { return static_cast<std::int64_t>(static_cast<std::uint64_t>(high_[k]) << 32 | low_[k]); }
 
   std::uint32_t low_[2];
   std::uint16_t high_[2];

@@ -391,9 +391,10 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   reach_.reserve(detail::room_for_more(slot(num_sites())));
   reach_.resize(slot(num_sites()));
   constexpr std::size_t kSitesPerPiece = 4096;
-  detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
-  });
+  detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1),
+                                        [&](std::size_t begin, std::size_t end) {
+                                          for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
+                                        });
 }
 
 /// Takes over the polygons of all batches, and gives each fragment its number.
@@ -542,8 +543,11 @@ void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTa
 RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
   if (fragment.size == 0) return {fragment.facet, fragment.site, {}, nullptr, 0};
-  return {fragment.facet, fragment.site, {mesh_, fragment.facet, polygons_.corners(fragment.room)},
-          polygons_.labels(fragment.room), fragment.size};
+  return {fragment.facet,
+          fragment.site,
+          {mesh_, fragment.facet, polygons_.corners(fragment.room)},
+          polygons_.labels(fragment.room),
+          fragment.size};
 }
 
 /// Puts a fragment at the head of its two lists.

@@ -81,12 +81,13 @@ void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
   local_.assign(slot(mesh_.num_facets()), 0);
   constexpr std::size_t kPiece = detail::kLocalFragmentsPerPiece;
   std::vector<std::vector<Index>> found((fragments_.size() + kPiece - 1) / kPiece);
-  detail::for_each_piece_on_all_threads(fragments_.size(), kPiece, execution.part(0, 0.5), [&](std::size_t begin, std::size_t end) {
-    std::vector<Index>& facets = found[begin / kPiece];
-    for (std::size_t f = begin; f < end; ++f) {
-      if (is_foreign(static_cast<Index>(f))) facets.push_back(fragments_[f].facet);
-    }
-  });
+  detail::for_each_piece_on_all_threads(fragments_.size(), kPiece, execution.part(0, 0.5),
+                                        [&](std::size_t begin, std::size_t end) {
+                                          std::vector<Index>& facets = found[begin / kPiece];
+                                          for (std::size_t f = begin; f < end; ++f) {
+                                            if (is_foreign(static_cast<Index>(f))) facets.push_back(fragments_[f].facet);
+                                          }
+                                        });
   std::vector<Index> facets;
   for (const std::vector<Index>& some : found) facets.insert(facets.end(), some.begin(), some.end());
   std::sort(facets.begin(), facets.end());
