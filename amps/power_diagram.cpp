@@ -46,9 +46,10 @@ double RestrictedPowerDiagram::Polygon::area() const {
 /// Fragments of a run of facets, before they are put together. Their polygons stay where they are.
 struct RestrictedPowerDiagram::Batch {
   struct Entry {
-    Index facet, site, size;
-    Index room;      ///< in `polygons`, and later in those of the diagram
-    Index fragment;  ///< its number, once it has one
+    Index facet;
+    Index owner;  ///< the site; once fragments are numbered, the number of this one
+    Index size;
+    Index room;  ///< in `polygons`, and later in those of the diagram
     detail::PackedBall ball;
   };
   std::vector<Entry> entries;
@@ -65,7 +66,7 @@ struct RestrictedPowerDiagram::Batch {
     const Index size = clipper.size(), room = polygons.allocate(size);
     std::copy_n(clipper.corners(), size, polygons.corners(room));
     std::copy(clipper.labels().begin(), clipper.labels().end(), polygons.labels(room));
-    entries.push_back({facet, site, size, room, kNone, clipper.ball()});
+    entries.push_back({facet, site, size, room, clipper.ball()});
   }
 };
 
@@ -76,6 +77,7 @@ struct RestrictedPowerDiagram::FloodScratch {
   std::vector<Index> last_seen;  ///< by site: the facet it was last queued in
 
   Index near = 0;  ///< a site where a search may begin
+  std::vector<Batch::Entry> entries;  ///< memory of the batch at work
 
   explicit FloodScratch(const RestrictedPowerDiagram& diagram) : clipper(diagram), last_seen(slot(diagram.num_sites()), kNone) {
     clipper.remember_crossings();
@@ -334,7 +336,11 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
       const auto scratch = pool.lend([this] { return std::make_unique<FloodScratch>(*this); });
       Batch& batch = batches[begin / facets_per_batch];
       batch.done = &done;
+      batch.entries.swap(scratch->entries);
       clip_facets(begin, end, owner, planes, *scratch, batch);
+      batch.entries.swap(scratch->entries);
+      batch.entries.assign(scratch->entries.begin(), scratch->entries.end());  // in a room of just their number
+      scratch->entries.clear();
     });
   }
   assemble(batches, execution.part(0.85, 1));
@@ -384,7 +390,7 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   fragments_.resize(num_fragments);
   detail::for_each_piece_on_all_threads(batches.size(), 1, execution.part(0.3, 0.9), [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
-      make_records(batches[k], order);
+      make_records(batches[k]);
       batches[k] = Batch();
     }
   });
@@ -393,7 +399,16 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   constexpr std::size_t kSitesPerPiece = 4096;
   detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1),
                                         [&](std::size_t begin, std::size_t end) {
-                                          for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
+                                          for (Index s = static_cast<Index>(begin); s < static_cast<Index>(end); ++s) {
+      const Index first = order.first[slot(s)], last = order.end[slot(s)];
+      for (Index f = first; f < last; ++f) {
+        Fragment& fragment = fragments_[slot(f)];
+        fragment.site = s;
+        if (f > first) fragment.previous_of_site = f - 1;
+        if (f + 1 < last) fragment.next_of_site = f + 1;
+      }
+      update_reach(s);
+    }
                                         });
 }
 
@@ -410,7 +425,7 @@ RestrictedPowerDiagram::SiteOrder RestrictedPowerDiagram::number_fragments(std::
   detail::Ticker ticker(execution, 2 * num_entries, detail::kElementsPerLook);
   for (const Batch& batch : batches) {
     for (const Batch::Entry& entry : batch.entries) {
-      if (order.end[slot(entry.site)]++ == 0) met.push_back(entry.site);
+      if (order.end[slot(entry.owner)]++ == 0) met.push_back(entry.owner);
     }
     ticker.tick(batch.entries.size());
   }
@@ -422,28 +437,25 @@ RestrictedPowerDiagram::SiteOrder RestrictedPowerDiagram::number_fragments(std::
     const Index added = polygons_.adopt(std::move(batch.polygons));
     for (Batch::Entry& entry : batch.entries) {
       entry.room += added;
-      entry.fragment = order.end[slot(entry.site)]++;
+      entry.owner = order.end[slot(entry.owner)]++;
     }
     ticker.tick(batch.entries.size());
   }
   return order;
 }
 
-/// The records of a batch's fragments, and the lists of its facets and of the sites. Lists run forwards.
-void RestrictedPowerDiagram::make_records(const Batch& batch, const SiteOrder& order) {
+/// The records of a batch's fragments but for what their sites say, and the lists of its facets. Lists run forwards.
+void RestrictedPowerDiagram::make_records(const Batch& batch) {
   std::vector<Index> in_facet;
   for (auto entry = batch.entries.begin(); entry != batch.entries.end();) {
     const Index facet = entry->facet;
     in_facet.clear();
     for (; entry != batch.entries.end() && entry->facet == facet; ++entry) {
-      const Index f = entry->fragment;
+      const Index f = entry->owner;
       Fragment fragment;
       fragment.facet = facet;
-      fragment.site = entry->site;
       fragment.room = entry->room;
       fragment.size = entry->size;
-      if (f > order.first[slot(entry->site)]) fragment.previous_of_site = f - 1;
-      if (f + 1 < order.end[slot(entry->site)]) fragment.next_of_site = f + 1;
       fragment.ball = entry->ball;
       fragments_[slot(f)] = fragment;
       in_facet.push_back(f);

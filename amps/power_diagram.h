@@ -295,7 +295,7 @@ class RestrictedPowerDiagram {
   void flood_facet(Index facet, Index owner, const PlaneTable& planes, FloodScratch& scratch, Batch& batch) const;
   void assemble(std::vector<Batch>& batches, const Execution& execution);
   SiteOrder number_fragments(std::vector<Batch>& batches, const Execution& execution);
-  void make_records(const Batch& batch, const SiteOrder& order);
+  void make_records(const Batch& batch);
   void update_reach(Index s);
   void measure_facets(const Execution& execution);
   Plane plane(Index owner, Index other) const;
