@@ -76,7 +76,7 @@ struct RestrictedPowerDiagram::FloodScratch {
   std::vector<Index> queue;      ///< sites found in the current facet
   std::vector<Index> last_seen;  ///< by site: the facet it was last queued in
 
-  Index near = 0;  ///< a site where a search may begin
+  Index near = 0;                     ///< a site where a search may begin
   std::vector<Batch::Entry> entries;  ///< memory of the batch at work
 
   explicit FloodScratch(const RestrictedPowerDiagram& diagram) : clipper(diagram), last_seen(slot(diagram.num_sites()), kNone) {
@@ -136,6 +136,7 @@ void RestrictedPowerDiagram::clear() {
   first_of_site_ = first_of_facet_ = {};
   facet_error_ = reach_ = {};
   local_ = {};
+  local_sites_ = {};
   site_tree_ = {};
   num_fragments_ = num_guards_ = 0;
   status_ = Outcome::kCancelled;
@@ -400,15 +401,15 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1),
                                         [&](std::size_t begin, std::size_t end) {
                                           for (Index s = static_cast<Index>(begin); s < static_cast<Index>(end); ++s) {
-      const Index first = order.first[slot(s)], last = order.end[slot(s)];
-      for (Index f = first; f < last; ++f) {
-        Fragment& fragment = fragments_[slot(f)];
-        fragment.site = s;
-        if (f > first) fragment.previous_of_site = f - 1;
-        if (f + 1 < last) fragment.next_of_site = f + 1;
-      }
-      update_reach(s);
-    }
+                                            const Index first = order.first[slot(s)], last = order.end[slot(s)];
+                                            for (Index f = first; f < last; ++f) {
+                                              Fragment& fragment = fragments_[slot(f)];
+                                              fragment.site = s;
+                                              if (f > first) fragment.previous_of_site = f - 1;
+                                              if (f + 1 < last) fragment.next_of_site = f + 1;
+                                            }
+                                            update_reach(s);
+                                          }
                                         });
 }
 
@@ -773,7 +774,25 @@ std::string RestrictedPowerDiagram::check(const Execution& execution) const {
   return violation;
 }
 
+/// Are all sites listed that reach a local facet?
+bool RestrictedPowerDiagram::lists_all_local_sites() const {
+  std::vector<Index> listed, count(local_sites_.size(), 0);
+  for (Index s = 0; s < num_sites() && !local_sites_.empty(); ++s) {
+    if (!takes_part(s)) continue;
+    for (const Index facet : reach_lists_->facets(s)) {
+      if (local(facet)) ++count[slot(local_[slot(facet)])];
+    }
+  }
+  for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
+    if (!local(facet)) continue;
+    list_local_sites(facet, listed);
+    if (static_cast<Index>(listed.size()) != count[slot(local_[slot(facet)])]) return false;
+  }
+  return true;
+}
+
 std::string RestrictedPowerDiagram::find_violation(const Execution& execution) const {
+  if (!lists_all_local_sites()) return "lists of sites that reach a local facet are not those of facets that sites reach";
   detail::Ticker ticker(execution, fragments_.size() + first_of_facet_.size());
   const auto name = [](Index f) { return "fragment " + std::to_string(f); };
   Index live = 0;
@@ -797,7 +816,8 @@ std::string RestrictedPowerDiagram::find_violation(const Execution& execution) c
       if (std::count(q.labels, q.labels + q.size, p.site) != 1) return name(f) + ": label not mutual";
     }
     if (p.site == kNone) {
-      list_local_sites(p.facet, around);
+      around.clear();
+      if (local(p.facet)) list_local_sites(p.facet, around);
       if (!local(p.facet) || !around.empty()) return name(f) + ": no owner, but sites reach the facet";
       continue;
     }

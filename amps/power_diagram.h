@@ -90,7 +90,8 @@ class RestrictedPowerDiagram {
                                      const Execution& execution = {});
 
   /// The same over disks that know their surface: `reach` (null: as above) lists the facets that each site reaches, before it
-  /// enters by any member below, and until it is removed. It must outlive the diagram.
+  /// enters by any member below, and until it is removed. Its ball (closed) meets each of them. `reach` must outlive the
+  /// diagram.
   RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
                          const detail::ReachLists* reach, const Execution& execution);
 
@@ -114,7 +115,7 @@ class RestrictedPowerDiagram {
   AMPS_EXPORT Polygon polygon(Index f) const;
 
   /// Is the facet divided among the sites that reach it, and not as the diagram of all sites is? Once it is, it stays so.
-  bool local(Index facet) const { return !local_.empty() && local_[static_cast<std::size_t>(facet)] != 0; }
+  bool local(Index facet) const { return !local_.empty() && local_[static_cast<std::size_t>(facet)] != kNone; }
   const detail::ReachLists* reach_lists() const { return reach_lists_; }
 
   /// The fragments of a site (of a facet), as a linked list ending with kNone.
@@ -252,6 +253,13 @@ class RestrictedPowerDiagram {
     std::vector<Index> labels;
   };
 
+  /// Of a local facet the sites that reach it, as they came: with some that are gone, or have come twice, until so many are
+  /// listed that it is worth a look which.
+  struct LocalSites {
+    std::vector<Index> sites;
+    std::size_t most = 0;
+  };
+
   /// A neighbour and a lower bound of where its bisector crosses the ray from the owner towards it, in distance from the owner.
   struct Plane {
     double offset;
@@ -281,6 +289,7 @@ class RestrictedPowerDiagram {
   bool is_guard(Index s) const;
   void keep_a_guard(Index s);
   std::string find_violation(const Execution& execution) const;
+  bool lists_all_local_sites() const;
   void clear();
   void triangulate(const PointsView& sites, const ValuesView& weights, const Execution& execution);
   void build(const Execution& execution);
@@ -333,7 +342,13 @@ class RestrictedPowerDiagram {
   void find_local_facets(const Execution& execution);
   bool is_foreign(Index f) const;
   void localize_foreign(Index owner);
+  void make_local(Index facet);
+  void find_local_sites(Index facet, std::vector<Index>& sites);
+  void add_local_site(Index facet, Index s);
+  void keep_local_sites(Index facet, std::vector<Index>& sites) const;
+  Index count_local_sites(Index facet) const;
   void localize(Index facet);
+  void clear_facet(Index facet);
   void divide_locally(Index facet);
   void clip_locally(Index facet, Index owner, Clipper& clipper) const;
   void enter_local_facets(Index s);
@@ -353,7 +368,8 @@ class RestrictedPowerDiagram {
 
   MeshView mesh_;
   const detail::ReachLists* reach_lists_ = nullptr;  ///< null: disks are balls
-  std::vector<char> local_;                          ///< by facet; empty where disks are balls
+  std::vector<Index> local_;                         ///< by facet: its number, if it is local; empty: none is
+  std::vector<LocalSites> local_sites_;              ///< by number of a local facet
   detail::SiteTree site_tree_;                       ///< of all sites that are not removed, once a facet has needed it
   RegularTriangulation triangulation_;
   std::vector<Fragment, detail::UninitializedAllocator<Fragment>> fragments_;

@@ -27,23 +27,23 @@ constexpr Index kFewLocalSites = 48;
 /// Fragments of a loop that takes some 20 ns for each, and at most 200.
 constexpr std::size_t kLocalFragmentsPerPiece = std::size_t{1} << 13;
 
-/// Does the ball meet the convex polygon? True where rounding leaves it open.
-bool ball_may_meet(const RestrictedPowerDiagram::Polygon& polygon, const Vec3& normal, const WeightedPoint& ball,
-                   double error) {
+/// Does the ball meet the convex polygon with these corners? True where rounding leaves it open.
+template <class Corners>
+bool ball_may_meet(const Corners& corners, Index size, const Vec3& normal, const WeightedPoint& ball, double error) {
   constexpr double kSlack = 1e-9;
   const Vec3 p = ball.position();
   double nearest = INFINITY;
   bool above_inside = true;
-  Vec3 b = polygon.corners[polygon.size - 1];
-  for (Index k = 0; k < polygon.size; ++k) {
-    const Vec3 a = std::exchange(b, polygon.corners[k]), along = b - a;
+  Vec3 b = corners[size - 1];
+  for (Index k = 0; k < size; ++k) {
+    const Vec3 a = std::exchange(b, corners[k]), along = b - a;
     const double length2 = squared_norm(along);
     const double t = length2 > 0 ? std::min(std::max(dot(p - a, along) / length2, 0.0), 1.0) : 0.0;
     nearest = std::min(nearest, squared_norm(a + t * along - p));
     above_inside = above_inside && dot(normal.cross(along), p - a) >= 0;
   }
   if (above_inside) {
-    const double height = dot(p - polygon.corners[0], normal);
+    const double height = dot(p - corners[0], normal);
     nearest = std::min(nearest, height * height);
   }
   const double radius = std::sqrt(ball.w) * (1 + kSlack) + error;
@@ -58,12 +58,69 @@ bool RestrictedPowerDiagram::takes_part(Index s) const {
   return state != RegularTriangulation::VertexState::kRemoved && state != RegularTriangulation::VertexState::kDuplicate;
 }
 
-/// In no particular order, but one that depends on the history of edits alone.
+/// Ascending.
 void RestrictedPowerDiagram::list_local_sites(Index facet, std::vector<Index>& sites) const {
-  sites.clear();
-  reach_lists_->for_each_sample(facet, [&](Index s) {
-    if (takes_part(s)) sites.push_back(s);
-  });
+  sites = local_sites_[slot(local_[slot(facet)])].sites;
+  keep_local_sites(facet, sites);
+  sites.erase(std::remove_if(sites.begin(), sites.end(), [this](Index s) { return !takes_part(s); }), sites.end());
+}
+
+/// About as many, at most twice as many.
+Index RestrictedPowerDiagram::count_local_sites(Index facet) const {
+  return static_cast<Index>(local_sites_[slot(local_[slot(facet)])].sites.size());
+}
+
+/// Sorts these sites, and leaves out those that do not reach the facet, or not any more. Duplicates of others stay: once these
+/// are removed they take part.
+void RestrictedPowerDiagram::keep_local_sites(Index facet, std::vector<Index>& sites) const {
+  const auto is_gone = [&](Index s) { return removed(s) || !reach_lists_->has(s) || !reach_lists_->reaches(s, facet); };
+  sites.erase(std::remove_if(sites.begin(), sites.end(), is_gone), sites.end());
+  std::sort(sites.begin(), sites.end());
+  sites.erase(std::unique(sites.begin(), sites.end()), sites.end());
+}
+
+void RestrictedPowerDiagram::add_local_site(Index facet, Index s) {
+  constexpr std::size_t kFewListed = 32;
+  LocalSites& local = local_sites_[slot(local_[slot(facet)])];
+  local.sites.push_back(s);
+  if (local.sites.size() < std::max(local.most, kFewListed)) return;
+  keep_local_sites(facet, local.sites);
+  local.most = 2 * local.sites.size();
+}
+
+/// From now on the facet is local. No site is listed yet.
+void RestrictedPowerDiagram::make_local(Index facet) {
+  if (local_.empty()) local_.assign(slot(mesh_.num_facets()), kNone);
+  local_[slot(facet)] = static_cast<Index>(local_sites_.size());
+  local_sites_.emplace_back();
+}
+
+/// Lists the sites that reach a facet which is not local yet. Let the ball of a site hold a point x of the facet. If the site
+/// does not own x, then across some side of its cell there is one of less power at x, whose ball holds x, too. So from the
+/// owners in the facet one gets to all of them over neighbours whose balls meet it; but for those that others have hidden.
+void RestrictedPowerDiagram::find_local_sites(Index facet, std::vector<Index>& sites) {
+  std::vector<Index> queue, around;
+  const std::uint32_t stamp = new_stamp();
+  const auto add = [&](Index s) {
+    if (std::exchange(stamp_[slot(s + kSentinels)], stamp) != stamp) queue.push_back(s);
+  };
+  for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f)) add(fragments_[slot(f)].site);
+  const detail::FacetCorners corners(mesh_, facet);
+  const Vec3 normal = detail::normal_of(mesh_, facet);
+  for (std::size_t k = 0; k < queue.size(); ++k) {
+    neighbors(queue[k], around);
+    for (const Index s : around) {
+      if (stamp_[slot(s + kSentinels)] == stamp) continue;
+      if (detail::ball_may_meet(corners.at, 3, normal, site(s), facet_error_[slot(facet)])) add(s);
+    }
+  }
+  if (triangulation_.num_hidden() > 0) {
+    for (Index s = 0; s < num_sites(); ++s) {
+      if (!visible(s) && !removed(s)) queue.push_back(s);
+    }
+  }
+  sites = std::move(queue);
+  keep_local_sites(facet, sites);
 }
 
 /// Has the ball of its owner a part of the fragment, while the owner does not reach the facet?
@@ -74,11 +131,10 @@ bool RestrictedPowerDiagram::is_foreign(Index f) const {
   const double error = facet_error_[slot(fragment.facet)];
   const double beyond = detail::norm(fragment.ball.centre()) * (1 - detail::kOffsetSlack) - fragment.ball.radius() - error;
   if (beyond > 0 && beyond * beyond > owner.w) return false;
-  return detail::ball_may_meet(polygon(f), detail::normal_of(mesh_, fragment.facet), owner, error);
+  return detail::ball_may_meet(polygon(f).corners, fragment.size, detail::normal_of(mesh_, fragment.facet), owner, error);
 }
 
 void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
-  local_.assign(slot(mesh_.num_facets()), 0);
   constexpr std::size_t kPiece = detail::kLocalFragmentsPerPiece;
   std::vector<std::vector<Index>> found((fragments_.size() + kPiece - 1) / kPiece);
   detail::for_each_piece_on_all_threads(fragments_.size(), kPiece, execution.part(0, 0.5),
@@ -92,11 +148,21 @@ void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
   for (const std::vector<Index>& some : found) facets.insert(facets.end(), some.begin(), some.end());
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-  for (const Index facet : facets) local_[slot(facet)] = 1;
-  detail::Ticker dividing(execution.part(0.5, 1), facets.size());
+  if (facets.empty()) return;
+  for (const Index facet : facets) make_local(facet);
+  detail::for_each_piece(slot(num_sites()), detail::kElementsPerLook, execution.part(0.5, 0.6),
+                         [&](std::size_t begin, std::size_t end) {
+                           for (auto s = static_cast<Index>(begin); s < static_cast<Index>(end); ++s) {
+                             for (const Index facet : reach_lists_->facets(s)) {
+                               if (local(facet)) add_local_site(facet, s);
+                             }
+                           }
+                         });
+  detail::Ticker dividing(execution.part(0.6, 1), facets.size());
   for (const Index facet : facets) {
     dividing.tick();
-    localize(facet);
+    clear_facet(facet);
+    divide_locally(facet);
   }
   changed_.clear();
   changed_sites_.clear();
@@ -116,14 +182,21 @@ void RestrictedPowerDiagram::localize_foreign(Index owner) {
 }
 
 void RestrictedPowerDiagram::localize(Index facet) {
+  std::vector<Index> sites;
+  find_local_sites(facet, sites);
+  make_local(facet);
+  local_sites_.back().sites = std::move(sites);
+  clear_facet(facet);
+  divide_locally(facet);
+}
+
+void RestrictedPowerDiagram::clear_facet(Index facet) {
   for (Index f = first_of_facet(facet), next = kNone; f != kNone; f = next) {
     next = next_of_facet(f);
     changed_.push_back(f);
     changed_sites_.push_back(fragments_[slot(f)].site);
     free_fragment(f);
   }
-  local_[slot(facet)] = 1;
-  divide_locally(facet);
 }
 
 /// A local facet without fragments gets them, by a flood from the owner of a corner.
@@ -134,7 +207,7 @@ void RestrictedPowerDiagram::divide_locally(Index facet) {
     add_ownerless_fragment(facet);
     return;
   }
-  if (reach_lists_->num_samples(facet) > detail::kFewLocalSites && site_tree_.empty()) make_site_tree();
+  if (count_local_sites(facet) > detail::kFewLocalSites && site_tree_.empty()) make_site_tree();
   queue.assign(1, owner_of_corner(facet, queue));
   const std::uint32_t stamp = new_stamp();
   stamp_[slot(queue.front() + kSentinels)] = stamp;
@@ -181,12 +254,14 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
     planes.clear();
   };
   const auto clip_by_all = [&] {
-    reach_lists_->for_each_sample(facet, [&](Index s) {
-      if (s != owner && takes_part(s)) planes.push_back(plane(owner, s));
-    });
+    std::vector<Index> sites;
+    list_local_sites(facet, sites);
+    for (const Index s : sites) {
+      if (s != owner) planes.push_back(plane(owner, s));
+    }
     clip();
   };
-  if (site_tree_.empty() || reach_lists_->num_samples(facet) <= detail::kFewLocalSites) {
+  if (site_tree_.empty() || count_local_sites(facet) <= detail::kFewLocalSites) {
     clip_by_all();
     return;
   }
@@ -226,6 +301,11 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
 
 void RestrictedPowerDiagram::enter_local_facets(Index s) {
   if (!site_tree_.empty()) insert_into_site_tree(s);
+  if (!local_.empty()) {
+    for (const Index facet : reach_lists_->facets(s)) {
+      if (local(facet)) add_local_site(facet, s);
+    }
+  }
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     // Its duplicate: no bisector tells the two apart.
     if (v >= kSentinels && v != s + kSentinels && !takes_part(v - kSentinels)) give_local_facets_away(v - kSentinels);
@@ -288,7 +368,7 @@ bool RestrictedPowerDiagram::enter_large_facet(Index facet, Index s, Clipper& cl
 }
 
 void RestrictedPowerDiagram::enter_local_facet(Index facet, Index s, Clipper& clipper) {
-  const bool large = reach_lists_->num_samples(facet) > detail::kFewLocalSites;
+  const bool large = count_local_sites(facet) > detail::kFewLocalSites;
   if (large && site_tree_.empty()) make_site_tree();
   if (large && enter_large_facet(facet, s, clipper)) return;
   clipper.set_facet(facet);
@@ -377,7 +457,7 @@ void RestrictedPowerDiagram::give_local_facets_away(Index s) {
 void RestrictedPowerDiagram::find_local_candidates(Index f, std::vector<Index>& candidates) const {
   const Fragment& fragment = fragments_[slot(f)];
   const Index facet = fragment.facet;
-  if (!site_tree_.empty() && reach_lists_->num_samples(facet) > detail::kFewLocalSites) {
+  if (!site_tree_.empty() && count_local_sites(facet) > detail::kFewLocalSites) {
     // At a point of the fragment its new owner has at most the power of whoever is beyond an edge.
     const Vec3 centre = site(fragment.site).position() + fragment.ball.centre();
     const double radius = fragment.ball.radius() + largest_facet_error_;
