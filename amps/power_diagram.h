@@ -253,11 +253,12 @@ class RestrictedPowerDiagram {
     std::vector<Index> labels;
   };
 
-  /// Of a local facet the sites that reach it, as they came: with some that are gone, or have come twice, until so many are
-  /// listed that it is worth a look which.
+  /// Of a local facet the sites that reach it. A long list is not tidy any more once one goes, or comes back: then some are
+  /// gone, or are there twice, until it has `most`.
   struct LocalSites {
-    std::vector<Index> sites;
+    std::vector<Index> sites;  ///< ascending where it is tidy
     std::size_t most = 0;
+    bool tidy = true;
   };
 
   /// A neighbour and a lower bound of where its bisector crosses the ray from the owner towards it, in distance from the owner.
@@ -343,11 +344,14 @@ class RestrictedPowerDiagram {
   bool is_foreign(Index f) const;
   void localize_foreign(Index owner);
   void make_local(Index facet);
-  void find_local_sites(Index facet, std::vector<Index>& sites);
+  std::vector<Index> find_sites_near(const std::vector<Index>& facets);
   void add_local_site(Index facet, Index s);
+  void remove_local_site(Index facet, Index s);
+  template <class Visit>
+  void for_each_local_site(Index facet, const Visit& visit) const;
   void keep_local_sites(Index facet, std::vector<Index>& sites) const;
   Index count_local_sites(Index facet) const;
-  void localize(Index facet);
+  void localize(const std::vector<Index>& facets);
   void clear_facet(Index facet);
   void divide_locally(Index facet);
   void clip_locally(Index facet, Index owner, Clipper& clipper) const;

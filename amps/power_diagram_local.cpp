@@ -24,6 +24,8 @@ namespace {
 
 /// So many sites bound each other's cells in a facet without a search among them.
 constexpr Index kFewLocalSites = 48;
+/// So many are moved in a list at once, in a tenth of a microsecond.
+constexpr std::size_t kFewKeptTidy = 1024;
 /// Fragments of a loop that takes some 20 ns for each, and at most 200.
 constexpr std::size_t kLocalFragmentsPerPiece = std::size_t{1} << 13;
 
@@ -58,14 +60,30 @@ bool RestrictedPowerDiagram::takes_part(Index s) const {
   return state != RegularTriangulation::VertexState::kRemoved && state != RegularTriangulation::VertexState::kDuplicate;
 }
 
-/// Ascending.
-void RestrictedPowerDiagram::list_local_sites(Index facet, std::vector<Index>& sites) const {
-  sites = local_sites_[slot(local_[slot(facet)])].sites;
+/// visit(site), ascending.
+template <class Visit>
+void RestrictedPowerDiagram::for_each_local_site(Index facet, const Visit& visit) const {
+  const LocalSites& local = local_sites_[slot(local_[slot(facet)])];
+  const auto visit_all = [&](const std::vector<Index>& sites) {
+    for (const Index s : sites) {
+      if (takes_part(s)) visit(s);
+    }
+  };
+  if (local.tidy) {
+    visit_all(local.sites);
+    return;
+  }
+  std::vector<Index> sites = local.sites;
   keep_local_sites(facet, sites);
-  sites.erase(std::remove_if(sites.begin(), sites.end(), [this](Index s) { return !takes_part(s); }), sites.end());
+  visit_all(sites);
 }
 
-/// About as many, at most twice as many.
+void RestrictedPowerDiagram::list_local_sites(Index facet, std::vector<Index>& sites) const {
+  sites.clear();
+  for_each_local_site(facet, [&](Index s) { sites.push_back(s); });
+}
+
+/// How many are listed.
 Index RestrictedPowerDiagram::count_local_sites(Index facet) const {
   return static_cast<Index>(local_sites_[slot(local_[slot(facet)])].sites.size());
 }
@@ -80,12 +98,33 @@ void RestrictedPowerDiagram::keep_local_sites(Index facet, std::vector<Index>& s
 }
 
 void RestrictedPowerDiagram::add_local_site(Index facet, Index s) {
-  constexpr std::size_t kFewListed = 32;
   LocalSites& local = local_sites_[slot(local_[slot(facet)])];
-  local.sites.push_back(s);
-  if (local.sites.size() < std::max(local.most, kFewListed)) return;
-  keep_local_sites(facet, local.sites);
-  local.most = 2 * local.sites.size();
+  std::vector<Index>& sites = local.sites;
+  if (local.tidy && (sites.empty() || s > sites.back())) {
+    sites.push_back(s);
+    return;
+  }
+  if (local.tidy && sites.size() <= detail::kFewKeptTidy) {
+    sites.insert(std::lower_bound(sites.begin(), sites.end(), s), s);
+    return;
+  }
+  if (local.tidy) local.most = 2 * sites.size();
+  local.tidy = false;
+  sites.push_back(s);
+  if (sites.size() < local.most) return;
+  keep_local_sites(facet, sites);
+  local.tidy = true;
+}
+
+void RestrictedPowerDiagram::remove_local_site(Index facet, Index s) {
+  LocalSites& local = local_sites_[slot(local_[slot(facet)])];
+  std::vector<Index>& sites = local.sites;
+  if (local.tidy && sites.size() <= detail::kFewKeptTidy) {
+    sites.erase(std::lower_bound(sites.begin(), sites.end(), s));
+    return;
+  }
+  if (local.tidy) local.most = 2 * sites.size();
+  local.tidy = false;
 }
 
 /// From now on the facet is local. No site is listed yet.
@@ -95,32 +134,48 @@ void RestrictedPowerDiagram::make_local(Index facet) {
   local_sites_.emplace_back();
 }
 
-/// Lists the sites that reach a facet which is not local yet. Let the ball of a site hold a point x of the facet. If the site
-/// does not own x, then across some side of its cell there is one of less power at x, whose ball holds x, too. So from the
-/// owners in the facet one gets to all of them over neighbours whose balls meet it; but for those that others have hidden.
-void RestrictedPowerDiagram::find_local_sites(Index facet, std::vector<Index>& sites) {
-  std::vector<Index> queue, around;
-  const std::uint32_t stamp = new_stamp();
-  const auto add = [&](Index s) {
-    if (std::exchange(stamp_[slot(s + kSentinels)], stamp) != stamp) queue.push_back(s);
+/// Lists all sites that reach some of these facets, which are not local yet, and others. Let the ball of a site hold a point x
+/// of a facet. If the site does not own x, then across some side of its cell there is one of less power at x, whose ball holds
+/// x, too. So from the owners in the facet one gets to all of them over neighbours whose balls meet it; but for those that
+/// others have hidden. Ascending.
+std::vector<Index> RestrictedPowerDiagram::find_sites_near(const std::vector<Index>& facets) {
+  struct Place {
+    detail::FacetCorners corners;
+    Vec3 normal;
+    double error;
   };
-  for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f)) add(fragments_[slot(f)].site);
-  const detail::FacetCorners corners(mesh_, facet);
-  const Vec3 normal = detail::normal_of(mesh_, facet);
-  for (std::size_t k = 0; k < queue.size(); ++k) {
-    neighbors(queue[k], around);
-    for (const Index s : around) {
-      if (stamp_[slot(s + kSentinels)] == stamp) continue;
-      if (detail::ball_may_meet(corners.at, 3, normal, site(s), facet_error_[slot(facet)])) add(s);
+  std::vector<Place> places;
+  std::vector<Index> sites, star;
+  const std::uint32_t stamp = new_stamp();
+  const auto is_new = [&](Index v) { return std::exchange(stamp_[slot(v)], stamp) != stamp; };
+  for (const Index facet : facets) {
+    places.push_back({detail::FacetCorners(mesh_, facet), detail::normal_of(mesh_, facet), facet_error_[slot(facet)]});
+    for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f)) {
+      const Index s = fragments_[slot(f)].site;
+      if (is_new(s + kSentinels)) sites.push_back(s);
+    }
+  }
+  const auto meets = [&](Index s) {
+    const WeightedPoint& ball = site(s);
+    return std::any_of(places.begin(), places.end(), [&](const Place& place) {
+      return detail::ball_may_meet(place.corners.at, 3, place.normal, ball, place.error);
+    });
+  };
+  for (std::size_t k = 0; k < sites.size(); ++k) {
+    triangulation_.incident_cells(sites[k] + kSentinels, star);
+    for (const Index c : star) {
+      for (const Index v : triangulation_.cell(c).vertex) {
+        if (v >= kSentinels && is_new(v) && meets(v - kSentinels)) sites.push_back(v - kSentinels);
+      }
     }
   }
   if (triangulation_.num_hidden() > 0) {
     for (Index s = 0; s < num_sites(); ++s) {
-      if (!visible(s) && !removed(s)) queue.push_back(s);
+      if (!visible(s) && !removed(s)) sites.push_back(s);
     }
   }
-  sites = std::move(queue);
-  keep_local_sites(facet, sites);
+  std::sort(sites.begin(), sites.end());
+  return sites;
 }
 
 /// Has the ball of its owner a part of the fragment, while the owner does not reach the facet?
@@ -178,16 +233,19 @@ void RestrictedPowerDiagram::localize_foreign(Index owner) {
   }
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-  for (const Index facet : facets) localize(facet);
+  if (!facets.empty()) localize(facets);
 }
 
-void RestrictedPowerDiagram::localize(Index facet) {
-  std::vector<Index> sites;
-  find_local_sites(facet, sites);
-  make_local(facet);
-  local_sites_.back().sites = std::move(sites);
-  clear_facet(facet);
-  divide_locally(facet);
+void RestrictedPowerDiagram::localize(const std::vector<Index>& facets) {
+  const std::vector<Index> near = find_sites_near(facets);
+  for (const Index facet : facets) {
+    make_local(facet);
+    for (const Index s : near) {
+      if (reach_lists_->reaches(s, facet)) local_sites_.back().sites.push_back(s);
+    }
+    clear_facet(facet);
+    divide_locally(facet);
+  }
 }
 
 void RestrictedPowerDiagram::clear_facet(Index facet) {
@@ -254,11 +312,9 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
     planes.clear();
   };
   const auto clip_by_all = [&] {
-    std::vector<Index> sites;
-    list_local_sites(facet, sites);
-    for (const Index s : sites) {
+    for_each_local_site(facet, [&](Index s) {
       if (s != owner) planes.push_back(plane(owner, s));
-    }
+    });
     clip();
   };
   if (site_tree_.empty() || count_local_sites(facet) <= detail::kFewLocalSites) {
@@ -426,6 +482,11 @@ std::vector<Index> RestrictedPowerDiagram::cut_local_fragments(Index facet, Inde
 /// After the removal of s, which the lists still have.
 void RestrictedPowerDiagram::leave_local_facets(Index s) {
   if (!site_tree_.empty()) site_tree_.remove(site(s).position(), s);
+  if (!local_.empty()) {
+    for (const Index facet : reach_lists_->facets(s)) {
+      if (local(facet)) remove_local_site(facet, s);
+    }
+  }
   give_local_facets_away(s);
   localize_foreign(kNone);
 }
