@@ -334,14 +334,14 @@ class CountEditor {
   /// The greatest distance over the radius at these fragments.
   double worst_ratio(const std::vector<Index>& fragments) const {
     double worst = 0;
+    std::vector<Vec3> corners;
     for (const Index f : fragments) {
       if (!diagram_.alive(f)) continue;
       const auto polygon = diagram_.polygon(f);
       if (polygon.site == kNone) return INFINITY;
       const WeightedPoint& site = diagram_.site(polygon.site);
-      for (Index k = 0; k < polygon.size; ++k) {
-        worst = std::max(worst, squared_norm(polygon.corners[k] - site.position()) / site.w);
-      }
+      polygon.list_corners(corners);
+      for (const Vec3& x : corners) worst = std::max(worst, squared_norm(x - site.position()) / site.w);
     }
     return std::sqrt(worst);
   }

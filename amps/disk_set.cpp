@@ -18,7 +18,7 @@ DiskSet::DiskSet(const Box& box, double min_radius, double max_radius, std::shar
       min_radius_(min_radius),
       max_radius_(max_radius),
       flood_(std::move(flood)) {
-  if (flood_ != nullptr) lists_ = std::make_unique<ReachLists>(flood_->edges().num_facets());
+  if (flood_ != nullptr) lists_ = std::make_unique<ReachLists>();
 }
 
 void DiskSet::clear(const Box& box, double min_radius, double max_radius) {
@@ -26,7 +26,7 @@ void DiskSet::clear(const Box& box, double min_radius, double max_radius) {
   box_ = box;
   min_radius_ = min_radius;
   max_radius_ = max_radius;
-  if (flood_ != nullptr) lists_ = std::make_unique<ReachLists>(flood_->edges().num_facets());
+  if (flood_ != nullptr) lists_ = std::make_unique<ReachLists>();
   samples_.clear();
   stored_.clear();
   num_samples_ = 0;

@@ -41,25 +41,20 @@ double angle_minus_sine(double x) {
 }  // namespace
 
 double FragmentGap::assign(const RestrictedPowerDiagram& diagram, const RestrictedPowerDiagram::Polygon& polygon) {
-  decided_.resize(static_cast<std::size_t>(polygon.size));
-  bool any_uncovered = false;
-  for (Index k = 0; k < polygon.size; ++k) {
-    decided_[slot(k)] = diagram.power_at_corner(polygon, k) > 0;
-    any_uncovered |= decided_[slot(k)] != 0;
-  }
-  if (!any_uncovered) {
+  polygon.list_corners(positions_);
+  if (!diagram.list_uncovered(polygon, positions_, decided_)) {
     clear();
     return 0;
   }
   const Vec3 normal = normal_of(diagram.mesh(), polygon.facet);
   if (polygon.site == kNone) {  // all of it is a gap, as beside a ball that is too far away to meet it
     double extent = 0;
-    for (Index k = 1; k < polygon.size; ++k) extent = std::max(extent, norm(polygon.corners[k] - polygon.corners[0]));
-    return assign({polygon.corners, decided_.size(), normal}, {polygon.corners[0] + 2 * extent * normal, extent * extent},
+    for (const Vec3& x : positions_) extent = std::max(extent, norm(x - positions_[0]));
+    return assign({positions_.data(), decided_.size(), normal}, {positions_[0] + 2 * extent * normal, extent * extent},
                   decided_);
   }
   const WeightedPoint& site = diagram.site(polygon.site);
-  return assign({polygon.corners, decided_.size(), normal}, {site.position(), site.w}, decided_);
+  return assign({positions_.data(), decided_.size(), normal}, {site.position(), site.w}, decided_);
 }
 
 void FragmentGap::clear() {

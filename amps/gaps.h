@@ -124,6 +124,7 @@ class FragmentGap {
   std::vector<Point> corners_;
   std::vector<double> excess_;             ///< |corner|² − disk_; > 0 iff uncovered
   std::vector<char> uncovered_, decided_;  ///< by corner
+  std::vector<Vec3> positions_;            ///< of a diagram's fragment
   std::vector<Point> points_;              ///< of all runs
   std::vector<Run> runs_;
   std::vector<Point> work_;  ///< what is left of a run while tangents cut it up

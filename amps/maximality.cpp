@@ -187,6 +187,7 @@ CoverageOfFragments coverage_of_fragments(const RestrictedPowerDiagram& diagram,
   constexpr double kRounding = 1e-12;  // of the ratio of two squares, and far more
   CoverageOfFragments result;
   FragmentGap gap;
+  std::vector<Vec3> corners;
   for (Index f = begin; f < end; ++f) {
     if (!diagram.alive(f)) continue;
     const auto polygon = diagram.polygon(f);
@@ -200,11 +201,12 @@ CoverageOfFragments coverage_of_fragments(const RestrictedPowerDiagram& diagram,
     const WeightedPoint& site = diagram.site(polygon.site);
     const double reach = diagram.reach(f);
     if (reach * reach * (1 + kRounding) < site.w * std::min(result.worst, 1.0)) continue;
-    for (Index k = 0; k < polygon.size; ++k) {
-      const double coverage = squared_norm(polygon.corners[k] - site.position()) / site.w;
+    polygon.list_corners(corners);
+    for (const Vec3& x : corners) {
+      const double coverage = squared_norm(x - site.position()) / site.w;
       if (!(coverage > result.worst)) continue;
       result.worst = coverage;
-      result.worst_point = polygon.corners[k];
+      result.worst_point = x;
     }
     if (!diagram.covered(polygon)) result.gap_areas.push_back(gap.assign(diagram, polygon));
   }

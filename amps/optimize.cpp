@@ -280,6 +280,7 @@ class Refiller {
 
   void end_batch() {
     bool more = false;
+    for (std::size_t k = 0; k < num_begun_; ++k) beside_[k]->edit->join(pending_[k]);
     for (std::size_t k = 0; k < num_begun_; ++k) more = beside_[k]->edit->finish(pending_[k]) || more;
     // Those with gaps last: what fills these may change stars of the others.
     for (std::size_t k = 0; k < num_begun_; ++k) {

@@ -1,17 +1,124 @@
-// polygon_pages.h (internal): memory for many polygons whose sizes change: corners and labels in pages that never move. A room
-// has exactly the size of its polygon. Rooms that were given back are used again by their size, the last one first, since that
-// is in the cache; so all rooms ever made of a size are no more than were used of it at one time.
+// polygon_pages.h (internal): memory for many polygons whose sizes change, each in a facet: corners and labels in pages that
+// never move. Corners are kept by what they are in their facet, in half of the room of positions. A room has exactly the size
+// of its polygon. Rooms that were given back are used again by their size, the last one first, since that is in the cache; so
+// all rooms ever made of a size are no more than were used of it at one time.
 #pragma once
 
 #include "amps/base.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 #include <memory>
 #include <utility>
 #include <vector>
 
 namespace amps::detail {
+
+/// A point of a facet: its barycentric coordinates in whole units of 2^-47, which doubles hold, sums and differences included.
+/// 12 bytes, where a position has 24. Rounding moves a point by at most 2^-47 of the facet's longest edge.
+class PackedBarycentric {
+ public:
+  static constexpr std::int64_t kOne = std::int64_t{1} << 47;
+
+  /// Not initialized.
+  PackedBarycentric() = default;
+  /// Coordinates of corners 1 and 2, in units; that of corner 0 is what kOne has more than both.
+  PackedBarycentric(std::int64_t second, std::int64_t third)
+      : low_{static_cast<std::uint32_t>(second), static_cast<std::uint32_t>(third)},
+        high_{static_cast<std::uint16_t>(second >> 32), static_cast<std::uint16_t>(third >> 32)} {}
+
+  static PackedBarycentric of_corner(int c) { return {c == 1 ? kOne : 0, c == 2 ? kOne : 0}; }
+  /// On the edge of corners u and v, `share` in [0, 1] being the coordinate of v. Sets `position`, too.
+  static PackedBarycentric on_edge(int u, int v, double share, const Vec3 (&corner)[3], Vec3& position) {
+    std::int64_t units[3] = {0, 0, 0};
+    units[v] = rounded(share);
+    units[u] = kOne - units[v];
+    position = number(units[u]) * corner[u] + number(units[v]) * corner[v];
+    return {units[1], units[2]};
+  }
+  /// Of coordinates in [0, 1] with sum 1, up to rounding. Sets `position`, too.
+  static PackedBarycentric inside(const Vec3& barycentric, const Vec3 (&corner)[3], Vec3& position) {
+    const std::int64_t second = rounded(barycentric[1]), third = std::min(rounded(barycentric[2]), kOne - second);
+    position = sum(kOne - second - third, second, third, corner);
+    return {second, third};
+  }
+
+  std::int64_t second() const { return joined(0); }
+  std::int64_t third() const { return joined(1); }
+
+  /// Its position, the facet's corners given: exactly theirs at a corner, and on an edge the same bits in all facets there.
+  Vec3 position(const Vec3 (&corner)[3]) const {
+    const std::int64_t b1 = second(), b2 = third(), b0 = kOne - b1 - b2;
+    if ((b0 == kOne) | (b1 == kOne) | (b2 == kOne)) return corner[b1 == kOne ? 1 : (b2 == kOne ? 2 : 0)];
+    // 0.0 in place of −0.0, of which the corner beside an edge could make either.
+    const Vec3 x = sum(b0, b1, b2, corner);
+    return {x[0] + 0.0, x[1] + 0.0, x[2] + 0.0};
+  }
+
+ private:
+  static double number(std::int64_t units) { return (1.0 / static_cast<double>(kOne)) * static_cast<double>(units); }
+  static Vec3 sum(std::int64_t first, std::int64_t second, std::int64_t third, const Vec3 (&corner)[3]) {
+    const double b0 = number(first), b1 = number(second), b2 = number(third);
+    return {b0 * corner[0][0] + b1 * corner[1][0] + b2 * corner[2][0],
+            b0 * corner[0][1] + b1 * corner[1][1] + b2 * corner[2][1],
+            b0 * corner[0][2] + b1 * corner[1][2] + b2 * corner[2][2]};
+  }
+  static std::int64_t rounded(double share) { return static_cast<std::int64_t>(share * static_cast<double>(kOne) + 0.5); }
+  std::int64_t joined(int k) const { return static_cast<std::int64_t>(static_cast<std::uint64_t>(high_[k]) << 32 | low_[k]); }
+
+  std::uint32_t low_[2];
+  std::uint16_t high_[2];
+};
+
+/// A ball around a polygon, relative to a point near it, rounded outwards: 8 bytes, numbers of 8 bits with the exponents of
+/// floats.
+class PackedBall {
+ public:
+  /// Not initialized.
+  PackedBall() = default;
+  /// Around at least one point. What floats cannot hold makes a ball of infinite radius.
+  PackedBall(const Vec3* points, std::size_t count) {
+    // Of the farthest distance and its rounding to a float, and of what underflow may take from the centre.
+    constexpr double kSlack = 0x1p-21, kUnderflow = 0x1p-124;
+    Vec3 low = points[0], high = points[0];
+    for (std::size_t k = 1; k < count; ++k) {
+      low = low.cwiseMin(points[k]);
+      high = high.cwiseMax(points[k]);
+    }
+    const Vec3 middle = 0.5 * (low + high);
+    for (int a = 0; a < 3; ++a) centre_[a] = static_cast<std::uint16_t>((bits(middle[a]) + 0x8000u) >> 16);
+    const Vec3 from = centre();  // as it is kept: its rounding adds nothing
+    double farthest = 0;
+    for (std::size_t k = 0; k < count; ++k) farthest = std::max(farthest, squared_norm(points[k] - from));
+    const double radius = std::sqrt(farthest) * (1 + kSlack) + kUnderflow;
+    const bool fits = radius < 0x1p126 && from.allFinite();
+    radius_ = static_cast<std::uint16_t>(fits ? (bits(radius) + 0xffffu) >> 16 : kInfinity);
+  }
+
+  Vec3 centre() const { return {number(centre_[0]), number(centre_[1]), number(centre_[2])}; }
+  double radius() const { return number(radius_); }
+
+ private:
+  static constexpr std::uint32_t kInfinity = 0x7f80;
+
+  static std::uint32_t bits(double x) {
+    const float single = static_cast<float>(x);
+    std::uint32_t result;
+    std::memcpy(&result, &single, sizeof result);
+    return result;
+  }
+  static double number(std::uint16_t upper) {
+    const std::uint32_t all = std::uint32_t{upper} << 16;
+    float result;
+    std::memcpy(&result, &all, sizeof result);
+    return static_cast<double>(result);
+  }
+
+  std::uint16_t centre_[3], radius_;
+};
 
 class PolygonPages {
  public:
@@ -81,9 +188,9 @@ class PolygonPages {
     return added;
   }
 
-  Vec3* corners(Index room) { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
+  PackedBarycentric* corners(Index room) { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
   Index* labels(Index room) { return pages_[slot(room >> kPageBits)].labels + (room & kPageMask); }
-  const Vec3* corners(Index room) const { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
+  const PackedBarycentric* corners(Index room) const { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
   const Index* labels(Index room) const { return pages_[slot(room >> kPageBits)].labels + (room & kPageMask); }
 
   /// So many pages can be added without moving the list of them: others may read rooms meanwhile.
@@ -98,7 +205,7 @@ class PolygonPages {
   std::size_t unused() const { return unused_; }
 
  private:
-  /// 28 kB a page: fragments of a hundred sites or two, and no loss to speak of where few are needed.
+  /// 16 kB a page: fragments of a hundred sites or two, and no loss to speak of where few are needed.
   static constexpr int kPageBits = 10;
   static constexpr Index kPageSize = Index{1} << kPageBits, kPageMask = kPageSize - 1;
   /// A larger one gets pages of its own, so that no more than so much of a page is lost for want of room.
@@ -106,12 +213,12 @@ class PolygonPages {
 
   /// One page, or more for a polygon that is larger than a page.
   struct Block {
-    std::unique_ptr<Vec3[]> corners;
+    std::unique_ptr<PackedBarycentric[]> corners;
     std::unique_ptr<Index[]> labels;
     std::size_t size;
   };
   struct Page {
-    Vec3* corners;
+    PackedBarycentric* corners;
     Index* labels;
   };
   struct Tail {
@@ -120,7 +227,7 @@ class PolygonPages {
 
   /// Not initialized: memory is not used before it is written to.
   static Block make_block(std::size_t size) {
-    return {std::unique_ptr<Vec3[]>(new Vec3[size]), std::unique_ptr<Index[]>(new Index[size]), size};
+    return {std::unique_ptr<PackedBarycentric[]>(new PackedBarycentric[size]), std::unique_ptr<Index[]>(new Index[size]), size};
   }
 
   void list_pages(const Block& block) {

@@ -17,9 +17,27 @@ namespace amps {
 
 using detail::slot;
 
+Vec3 RestrictedPowerDiagram::Corners::operator[](std::ptrdiff_t k) const {
+  return places_[k].position(detail::FacetCorners(*mesh_, facet_).at);
+}
+
+void RestrictedPowerDiagram::Polygon::list_corners(std::vector<Vec3>& positions) const {
+  positions.resize(detail::slot(size));
+  if (size == 0) return;
+  const detail::FacetCorners facet_corners(corners.mesh(), facet);
+  for (std::size_t k = 0; k < positions.size(); ++k) positions[k] = corners.places()[k].position(facet_corners.at);
+}
+
 double RestrictedPowerDiagram::Polygon::area() const {
-  Vec3 sum = Vec3::Zero();
-  for (Index k = 2; k < size; ++k) sum += (corners[k - 1] - corners[0]).cross(corners[k] - corners[0]);
+  if (size == 0) return 0;
+  const detail::FacetCorners facet_corners(corners.mesh(), facet);
+  const Vec3 first = corners.places()[0].position(facet_corners.at);
+  Vec3 sum = Vec3::Zero(), before = Vec3::Zero();
+  for (Index k = 1; k < size; ++k) {
+    const Vec3 now = corners.places()[k].position(facet_corners.at) - first;
+    sum += before.cross(now);
+    before = now;
+  }
   return 0.5 * detail::stable_norm(sum);  // areas of 1e±200 have squares out of range
 }
 
@@ -28,9 +46,11 @@ double RestrictedPowerDiagram::Polygon::area() const {
 /// Fragments of a run of facets, before they are put together. Their polygons stay where they are.
 struct RestrictedPowerDiagram::Batch {
   struct Entry {
-    Index facet, site, size;
-    Index room;      ///< in `polygons`, and later in those of the diagram
-    Index fragment;  ///< its number, once it has one
+    Index facet;
+    Index owner;  ///< the site; once fragments are numbered, the number of this one
+    Index size;
+    Index room;  ///< in `polygons`, and later in those of the diagram
+    detail::PackedBall ball;
   };
   std::vector<Entry> entries;
   detail::PolygonPages polygons;
@@ -46,7 +66,7 @@ struct RestrictedPowerDiagram::Batch {
     const Index size = clipper.size(), room = polygons.allocate(size);
     std::copy_n(clipper.corners(), size, polygons.corners(room));
     std::copy(clipper.labels().begin(), clipper.labels().end(), polygons.labels(room));
-    entries.push_back({facet, site, size, room, kNone});
+    entries.push_back({facet, site, size, room, clipper.ball()});
   }
 };
 
@@ -56,7 +76,8 @@ struct RestrictedPowerDiagram::FloodScratch {
   std::vector<Index> queue;      ///< sites found in the current facet
   std::vector<Index> last_seen;  ///< by site: the facet it was last queued in
 
-  Index near = 0;  ///< a site where a search may begin
+  Index near = 0;                     ///< a site where a search may begin
+  std::vector<Batch::Entry> entries;  ///< memory of the batch at work
 
   explicit FloodScratch(const RestrictedPowerDiagram& diagram) : clipper(diagram), last_seen(slot(diagram.num_sites()), kNone) {
     clipper.remember_crossings();
@@ -115,6 +136,7 @@ void RestrictedPowerDiagram::clear() {
   first_of_site_ = first_of_facet_ = {};
   facet_error_ = reach_ = {};
   local_ = {};
+  local_sites_ = {};
   site_tree_ = {};
   num_fragments_ = num_guards_ = 0;
   status_ = Outcome::kCancelled;
@@ -314,7 +336,11 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
       const auto scratch = pool.lend([this] { return std::make_unique<FloodScratch>(*this); });
       Batch& batch = batches[begin / facets_per_batch];
       batch.done = &done;
+      batch.entries.swap(scratch->entries);
       clip_facets(begin, end, owner, planes, *scratch, batch);
+      batch.entries.swap(scratch->entries);
+      batch.entries.assign(scratch->entries.begin(), scratch->entries.end());  // in a room of just their number
+      scratch->entries.clear();
     });
   }
   assemble(batches, execution.part(0.85, 1));
@@ -364,7 +390,7 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   fragments_.resize(num_fragments);
   detail::for_each_piece_on_all_threads(batches.size(), 1, execution.part(0.3, 0.9), [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
-      make_records(batches[k], order);
+      make_records(batches[k]);
       batches[k] = Batch();
     }
   });
@@ -373,7 +399,16 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   constexpr std::size_t kSitesPerPiece = 4096;
   detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1),
                                         [&](std::size_t begin, std::size_t end) {
-                                          for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
+                                          for (Index s = static_cast<Index>(begin); s < static_cast<Index>(end); ++s) {
+                                            const Index first = order.first[slot(s)], last = order.end[slot(s)];
+                                            for (Index f = first; f < last; ++f) {
+                                              Fragment& fragment = fragments_[slot(f)];
+                                              fragment.site = s;
+                                              if (f > first) fragment.previous_of_site = f - 1;
+                                              if (f + 1 < last) fragment.next_of_site = f + 1;
+                                            }
+                                            update_reach(s);
+                                          }
                                         });
 }
 
@@ -390,7 +425,7 @@ RestrictedPowerDiagram::SiteOrder RestrictedPowerDiagram::number_fragments(std::
   detail::Ticker ticker(execution, 2 * num_entries, detail::kElementsPerLook);
   for (const Batch& batch : batches) {
     for (const Batch::Entry& entry : batch.entries) {
-      if (order.end[slot(entry.site)]++ == 0) met.push_back(entry.site);
+      if (order.end[slot(entry.owner)]++ == 0) met.push_back(entry.owner);
     }
     ticker.tick(batch.entries.size());
   }
@@ -402,29 +437,26 @@ RestrictedPowerDiagram::SiteOrder RestrictedPowerDiagram::number_fragments(std::
     const Index added = polygons_.adopt(std::move(batch.polygons));
     for (Batch::Entry& entry : batch.entries) {
       entry.room += added;
-      entry.fragment = order.end[slot(entry.site)]++;
+      entry.owner = order.end[slot(entry.owner)]++;
     }
     ticker.tick(batch.entries.size());
   }
   return order;
 }
 
-/// The records of a batch's fragments, and the lists of its facets and of the sites. Lists run forwards.
-void RestrictedPowerDiagram::make_records(const Batch& batch, const SiteOrder& order) {
+/// The records of a batch's fragments but for what their sites say, and the lists of its facets. Lists run forwards.
+void RestrictedPowerDiagram::make_records(const Batch& batch) {
   std::vector<Index> in_facet;
   for (auto entry = batch.entries.begin(); entry != batch.entries.end();) {
     const Index facet = entry->facet;
     in_facet.clear();
     for (; entry != batch.entries.end() && entry->facet == facet; ++entry) {
-      const Index f = entry->fragment;
+      const Index f = entry->owner;
       Fragment fragment;
       fragment.facet = facet;
-      fragment.site = entry->site;
       fragment.room = entry->room;
       fragment.size = entry->size;
-      if (f > order.first[slot(entry->site)]) fragment.previous_of_site = f - 1;
-      if (f + 1 < order.end[slot(entry->site)]) fragment.next_of_site = f + 1;
-      bound(fragment, polygons_.corners(fragment.room));
+      fragment.ball = entry->ball;
       fragments_[slot(f)] = fragment;
       in_facet.push_back(f);
     }
@@ -457,26 +489,7 @@ void RestrictedPowerDiagram::measure_reach(Index s) {
 double RestrictedPowerDiagram::reach(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
   if (fragment.site == kNone) return INFINITY;
-  const WeightedPoint& owner = site(fragment.site);
-  const Vec3 offset(fragment.centre[0] - owner.x, fragment.centre[1] - owner.y, fragment.centre[2] - owner.z);
-  return (detail::norm(offset) + fragment.radius) * (1 + detail::kOffsetSlack) + largest_facet_error_;
-}
-
-/// Sets the ball around the corners. Floats carry 2^-24 of the coordinates, or lose up to 2^-127 to underflow; more than that
-/// is added to the radius.
-void RestrictedPowerDiagram::bound(Fragment& fragment, const Vec3* corner) {
-  constexpr double kFloatSlack = 0x1p-21, kFloatUnderflow = 0x1p-124;
-  Vec3 low = corner[0], high = corner[0];
-  for (Index k = 1; k < fragment.size; ++k) {
-    low = low.cwiseMin(corner[k]);
-    high = high.cwiseMax(corner[k]);
-  }
-  const Vec3 centre = 0.5 * (low + high);
-  double farthest = 0;
-  for (Index k = 0; k < fragment.size; ++k) farthest = std::max(farthest, detail::squared_norm(corner[k] - centre));
-  for (int a = 0; a < 3; ++a) fragment.centre[slot(a)] = static_cast<float>(centre[a]);
-  fragment.radius = static_cast<float>(std::sqrt(farthest) * (1 + kFloatSlack) + kFloatSlack * detail::sum(centre.cwiseAbs()) +
-                                       kFloatUnderflow);
+  return (detail::norm(fragment.ball.centre()) + fragment.ball.radius()) * (1 + detail::kOffsetSlack) + largest_facet_error_;
 }
 
 /// The owner of x. There is one only, wherever the walk begins.
@@ -545,8 +558,12 @@ void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTa
 
 RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  if (fragment.size == 0) return {fragment.facet, fragment.site, nullptr, nullptr, 0};
-  return {fragment.facet, fragment.site, polygons_.corners(fragment.room), polygons_.labels(fragment.room), fragment.size};
+  if (fragment.size == 0) return {fragment.facet, fragment.site, {}, nullptr, 0};
+  return {fragment.facet,
+          fragment.site,
+          {mesh_, fragment.facet, polygons_.corners(fragment.room)},
+          polygons_.labels(fragment.room),
+          fragment.size};
 }
 
 /// Puts a fragment at the head of its two lists.
@@ -577,10 +594,11 @@ void RestrictedPowerDiagram::unlink_in_facet(Index f) {
 }
 
 void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper, EditRecord& edit) {
-  store_polygon(fragment, clipper.corners(), clipper.labels().begin(), clipper.size(), edit);
+  store_polygon(fragment, clipper.ball(), clipper.corners(), clipper.labels().begin(), clipper.size(), edit);
 }
 
-void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size,
+void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const detail::PackedBall& ball,
+                                           const detail::PackedBarycentric* corners, const Index* labels, Index size,
                                            EditRecord& edit) {
   if (size != fragment.size) {
     std::unique_lock<std::mutex> lock;
@@ -591,7 +609,7 @@ void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Vec3* corne
   }
   std::copy_n(corners, size, polygons_.corners(fragment.room));
   std::copy_n(labels, size, polygons_.labels(fragment.room));
-  bound(fragment, corners);
+  fragment.ball = ball;
 }
 
 Index RestrictedPowerDiagram::take_slot(EditRecord& edit) {
@@ -607,15 +625,16 @@ Index RestrictedPowerDiagram::take_slot(EditRecord& edit) {
 }
 
 void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Clipper& clipper, EditRecord& edit) {
-  add_fragment(facet, site, clipper.corners(), clipper.labels().begin(), clipper.size(), edit);
+  add_fragment(facet, site, clipper.ball(), clipper.corners(), clipper.labels().begin(), clipper.size(), edit);
 }
 
-void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size,
+void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const detail::PackedBall& ball,
+                                          const detail::PackedBarycentric* corners, const Index* labels, Index size,
                                           EditRecord& edit) {
   const Index f = take_slot(edit);
   fragments_[slot(f)].facet = facet;
   fragments_[slot(f)].site = site;
-  store_polygon(fragments_[slot(f)], corners, labels, size, edit);
+  store_polygon(fragments_[slot(f)], ball, corners, labels, size, edit);
   link_to_site(f);
   if (edit.beside_others) {
     edit.facet_changes.push_back({f, true});
@@ -681,11 +700,27 @@ int RestrictedPowerDiagram::power_at_corner(const Polygon& polygon, Index k) con
   return side != 0 ? side : exact_power_at_corner(polygon, k);
 }
 
+bool RestrictedPowerDiagram::list_uncovered(const Polygon& polygon, const std::vector<Vec3>& corners,
+                                            std::vector<char>& uncovered) const {
+  uncovered.assign(slot(polygon.size), 1);
+  if (polygon.site == kNone) return polygon.size > 0;
+  const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
+  bool any = false;
+  for (Index k = 0; k < polygon.size; ++k) {
+    int side = filter.side(corners[slot(k)]);
+    if (side == 0) side = exact_power_at_corner(polygon, k);
+    uncovered[slot(k)] = side > 0;
+    any = any || side > 0;
+  }
+  return any;
+}
+
 bool RestrictedPowerDiagram::covered(const Polygon& polygon) const {
   if (polygon.site == kNone) return false;
   const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
+  const detail::FacetCorners facet(mesh_, polygon.facet);
   for (Index k = 0; k < polygon.size; ++k) {
-    int side = filter.side(polygon.corners[k]);
+    int side = filter.side(polygon.corners.places()[k].position(facet.at));
     if (side == 0) side = exact_power_at_corner(polygon, k);
     if (side > 0) return false;
   }
@@ -777,7 +812,25 @@ std::string RestrictedPowerDiagram::check(const Execution& execution) const {
   return violation;
 }
 
+/// Are all sites listed that reach a local facet?
+bool RestrictedPowerDiagram::lists_all_local_sites() const {
+  std::vector<Index> listed, count(local_sites_.size(), 0);
+  for (Index s = 0; s < num_sites() && !local_sites_.empty(); ++s) {
+    if (!takes_part(s)) continue;
+    for (const Index facet : reach_lists_->facets(s)) {
+      if (local(facet)) ++count[slot(local_[slot(facet)])];
+    }
+  }
+  for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
+    if (!local(facet)) continue;
+    list_local_sites(facet, listed);
+    if (static_cast<Index>(listed.size()) != count[slot(local_[slot(facet)])]) return false;
+  }
+  return true;
+}
+
 std::string RestrictedPowerDiagram::find_violation(const Execution& execution) const {
+  if (!lists_all_local_sites()) return "lists of sites that reach a local facet are not those of facets that sites reach";
   detail::Ticker ticker(execution, fragments_.size() + first_of_facet_.size());
   const auto name = [](Index f) { return "fragment " + std::to_string(f); };
   Index live = 0;
@@ -801,7 +854,8 @@ std::string RestrictedPowerDiagram::find_violation(const Execution& execution) c
       if (std::count(q.labels, q.labels + q.size, p.site) != 1) return name(f) + ": label not mutual";
     }
     if (p.site == kNone) {
-      list_local_sites(p.facet, around);
+      around.clear();
+      if (local(p.facet)) list_local_sites(p.facet, around);
       if (!local(p.facet) || !around.empty()) return name(f) + ": no owner, but sites reach the facet";
       continue;
     }

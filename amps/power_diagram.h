@@ -36,6 +36,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <mutex>
 #include <string>
@@ -51,16 +52,34 @@ class RestrictedPowerDiagram {
   static constexpr bool is_site(Index label) { return label >= 0; }
   static constexpr int mesh_edge(Index label) { return -1 - label; }
 
+  /// Positions of a fragment's corners: corners[k], counted from 0. Computed from what is kept, 3 to 10 ns each.
+  class Corners {
+   public:
+    Corners() = default;
+    Corners(const MeshView& mesh, Index facet, const detail::PackedBarycentric* places)
+        : mesh_(&mesh), facet_(facet), places_(places) {}
+    AMPS_EXPORT Vec3 operator[](std::ptrdiff_t k) const;
+    const MeshView& mesh() const { return *mesh_; }
+    const detail::PackedBarycentric* places() const { return places_; }
+
+   private:
+    const MeshView* mesh_ = nullptr;
+    Index facet_ = kNone;
+    const detail::PackedBarycentric* places_ = nullptr;
+  };
+
   /// A fragment. Corner k lies between edges k − 1 and k; edge k runs from corner k to corner k + 1; counter-clockwise in the
-  /// facet's own orientation. The view is valid until the next edit.
+  /// facet's own orientation. The view is valid until the next edit, and as long as the diagram is not moved.
   struct Polygon {
     Index facet = kNone;
     Index site = kNone;  ///< kNone: no site reaches the facet
-    const Vec3* corners = nullptr;
+    Corners corners;
     const Index* labels = nullptr;
     Index size = 0;
     /// Area, absolute units.
     AMPS_EXPORT double area() const;
+    /// All corners at once, in place of what `positions` had.
+    AMPS_EXPORT void list_corners(std::vector<Vec3>& positions) const;
   };
 
   /// The diagram of the given sites (#S by 3, #S weights; ids are rows). Views are not copied: the mesh's buffers must outlive
@@ -72,7 +91,8 @@ class RestrictedPowerDiagram {
                                      const Execution& execution = {});
 
   /// The same over disks that know their surface: `reach` (null: as above) lists the facets that each site reaches, before it
-  /// enters by any member below, and until it is removed. It must outlive the diagram.
+  /// enters by any member below, and until it is removed. Its ball (closed) meets each of them. `reach` must outlive the
+  /// diagram.
   RestrictedPowerDiagram(const MeshView& mesh, const PointsView& sites, const ValuesView& weights,
                          const detail::ReachLists* reach, const Execution& execution);
 
@@ -96,7 +116,7 @@ class RestrictedPowerDiagram {
   AMPS_EXPORT Polygon polygon(Index f) const;
 
   /// Is the facet divided among the sites that reach it, and not as the diagram of all sites is? Once it is, it stays so.
-  bool local(Index facet) const { return !local_.empty() && local_[static_cast<std::size_t>(facet)] != 0; }
+  bool local(Index facet) const { return !local_.empty() && local_[static_cast<std::size_t>(facet)] != kNone; }
   const detail::ReachLists* reach_lists() const { return reach_lists_; }
   /// Does the disk of s reach a local facet, whether or not s is a site yet? False for balls. O(#facets reached).
   bool reaches_local_facet(Index s) const;
@@ -114,6 +134,8 @@ class RestrictedPowerDiagram {
   /// Is the owner's ball (radius² = weight, closed) without corner k of the fragment? +1 yes, 0 the corner lies on the sphere,
   /// −1 no. Exact: the corner is the symbolic one, however its coordinates are rounded. O(1).
   AMPS_EXPORT int power_at_corner(const Polygon& polygon, Index k) const;
+  /// Is power_at_corner() > 0, for all corners at once? Their positions are given. True if it is at any.
+  bool list_uncovered(const Polygon& polygon, const std::vector<Vec3>& corners, std::vector<char>& uncovered) const;
   /// Does the owner's ball cover the fragment? Exact: both are convex, so it does iff no corner is without. The surface is
   /// covered iff all fragments are, see predicates.h. O(size).
   AMPS_EXPORT bool covered(const Polygon& polygon) const;
@@ -144,9 +166,8 @@ class RestrictedPowerDiagram {
 
   // Edits side by side: several, each of a few sites. One after another they enter the triangulation, by insert_pending(),
   // reinsert_pending() and remove_pending(); then each gives the fragments to their new owners by carry_out(), on as many
-  // threads as there are edits; and last each is ended by finish(), one after another again. What finish() leaves is what the
-  // same edits leave one by one, and slots are the same for any number of threads. In between the diagram is good for nothing
-  // else.
+  // threads as there are edits; and last one after another again, join() of all and finish() of all. That leaves what the same
+  // edits leave one by one, and slots are the same for any number of threads. In between the diagram is good for nothing else.
 
   /// Before the first of those that go side by side.
   void begin_side_by_side(PendingEdits& edits);
@@ -162,7 +183,9 @@ class RestrictedPowerDiagram {
   void withdraw_pending(PendingEdit& edit);
   /// May be called concurrently, each for another edit. Afterwards its thread may read the fragments of sites it has changed.
   void carry_out(PendingEdit& edit);
-  /// True if more has changed than when carry_out() returned: facets have become local, or there was no room for all.
+  void join(PendingEdit& edit);
+  /// True if more has changed than when carry_out() returned: facets have become local, or there was no room for all. Then the
+  /// others may have changed as well.
   bool finish(PendingEdit& edit);
   /// After the last of all.
   void end_side_by_side(PendingEdits& edits);
@@ -228,10 +251,9 @@ class RestrictedPowerDiagram {
     Index size = 0;  ///< 0: free slot
     Index next_of_site = kNone, previous_of_site = kNone;
     Index next_of_facet = kNone, previous_of_facet = kNone;
-    /// A ball around the corners, rounded outwards: tells most fragments of a site from those an insertion touches, without a
-    /// look at the corners. With it a record is 48 bytes, and a site's fragments are read as a stream.
-    std::array<float, 3> centre{};
-    float radius = 0;
+    /// A ball around the corners, relative to the site: tells most fragments of a site from those an insertion touches, without
+    /// a look at the corners. With it a record is 40 bytes, and a site's fragments are read as a stream.
+    detail::PackedBall ball;
   };
 
   /// A fragment that has come into the list of its facet, or is to leave it.
@@ -272,16 +294,26 @@ class RestrictedPowerDiagram {
   struct NewCell {
     struct Cut {
       Index fragment, site, size;  ///< size: of what is left of it
+      detail::PackedBall ball;     ///< around that
     };
     struct Piece {
       Index facet, size;
+      detail::PackedBall ball;
     };
     Index site = kNone;
     std::vector<Index> around;  ///< the neighbours of the site
     std::vector<Cut> cuts;      ///< grouped by site
     std::vector<Piece> pieces;
-    std::vector<Vec3> corners;  ///< of what is left by the cuts, and of the pieces
+    std::vector<detail::PackedBarycentric> corners;  ///< of what is left by the cuts, and of the pieces
     std::vector<Index> labels;
+  };
+
+  /// Of a local facet the sites that reach it. A long list is not tidy any more once one goes, or comes back: then some are
+  /// gone, or are there twice, until it has `most`.
+  struct LocalSites {
+    std::vector<Index> sites;  ///< ascending where it is tidy
+    std::size_t most = 0;
+    bool tidy = true;
   };
 
   /// A neighbour and a lower bound of where its bisector crosses the ray from the owner towards it, in distance from the owner.
@@ -313,6 +345,7 @@ class RestrictedPowerDiagram {
   bool is_guard(Index s) const;
   void keep_a_guard(Index s);
   std::string find_violation(const Execution& execution) const;
+  bool lists_all_local_sites() const;
   void clear();
   void triangulate(const PointsView& sites, const ValuesView& weights, const Execution& execution);
   void build(const Execution& execution);
@@ -327,7 +360,7 @@ class RestrictedPowerDiagram {
   void flood_facet(Index facet, Index owner, const PlaneTable& planes, FloodScratch& scratch, Batch& batch) const;
   void assemble(std::vector<Batch>& batches, const Execution& execution);
   SiteOrder number_fragments(std::vector<Batch>& batches, const Execution& execution);
-  void make_records(const Batch& batch, const SiteOrder& order);
+  void make_records(const Batch& batch);
   void update_reach(Index s);
   void measure_reach(Index s);
   void measure_facets(const Execution& execution);
@@ -338,10 +371,11 @@ class RestrictedPowerDiagram {
   void unlink_in_facet(Index f);
   Index take_slot(EditRecord& edit);
   void add_fragment(Index facet, Index site, const Clipper& clipper, EditRecord& edit);
-  void add_fragment(Index facet, Index site, const Vec3* corners, const Index* labels, Index size, EditRecord& edit);
+  void add_fragment(Index facet, Index site, const detail::PackedBall& ball, const detail::PackedBarycentric* corners,
+                    const Index* labels, Index size, EditRecord& edit);
   void store_polygon(Fragment& fragment, const Clipper& clipper, EditRecord& edit);
-  void store_polygon(Fragment& fragment, const Vec3* corners, const Index* labels, Index size, EditRecord& edit);
-  static void bound(Fragment& fragment, const Vec3* corner);
+  void store_polygon(Fragment& fragment, const detail::PackedBall& ball, const detail::PackedBarycentric* corners,
+                     const Index* labels, Index size, EditRecord& edit);
   void free_fragment(Index f, EditRecord& edit);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
   std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper, EditRecord& edit);
@@ -375,7 +409,16 @@ class RestrictedPowerDiagram {
   void find_local_facets(const Execution& execution);
   bool is_foreign(Index f) const;
   void localize_foreign(Index owner);
-  void localize(Index facet);
+  void make_local(Index facet);
+  std::vector<Index> find_sites_near(const std::vector<Index>& facets);
+  void add_local_site(Index facet, Index s);
+  void remove_local_site(Index facet, Index s);
+  template <class Visit>
+  void for_each_local_site(Index facet, const Visit& visit) const;
+  void keep_local_sites(Index facet, std::vector<Index>& sites) const;
+  Index count_local_sites(Index facet) const;
+  void localize(const std::vector<Index>& facets);
+  void clear_facet(Index facet);
   void divide_locally(Index facet);
   void clip_locally(Index facet, Index owner, Clipper& clipper) const;
   void enter_local_facets(Index s);
@@ -395,7 +438,8 @@ class RestrictedPowerDiagram {
 
   MeshView mesh_;
   const detail::ReachLists* reach_lists_ = nullptr;  ///< null: disks are balls
-  std::vector<char> local_;                          ///< by facet; empty where disks are balls
+  std::vector<Index> local_;                         ///< by facet: its number, if it is local; empty: none is
+  std::vector<LocalSites> local_sites_;              ///< by number of a local facet
   detail::SiteTree site_tree_;                       ///< of all sites that are not removed, once a facet has needed it
   RegularTriangulation triangulation_;
   std::vector<Fragment, detail::UninitializedAllocator<Fragment>> fragments_;
@@ -443,6 +487,7 @@ class RestrictedPowerDiagram::PendingEdit {
   std::vector<Step> steps_;
   std::size_t num_steps_ = 0, next_step_ = 0;
   std::uint32_t mark_ = 0;
+  bool is_late_ = false;  ///< not all of it was carried out beside the others
   bool has_foreign_ = false;
   EditRecord record_;
 };

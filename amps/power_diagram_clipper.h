@@ -17,8 +17,8 @@
 namespace amps {
 namespace detail {
 
-/// A corner computed from barycentric coordinates good to a few 2^-46 (predicates.h) is off by less than this, relative to the
-/// facet's longest edge, plus kPositionRounding relative to its largest coordinate.
+/// A corner computed from barycentric coordinates good to a few 2^-46 (predicates.h), and then rounded to 2^-47, is off by less
+/// than this, relative to the facet's longest edge, plus kPositionRounding relative to its largest coordinate.
 inline constexpr double kPositionError = 0x1p-42;
 inline constexpr double kPositionRounding = 0x1p-49;
 /// Relative rounding of D_k(x) evaluated in doubles: 8 operations, slack 4.
@@ -47,6 +47,8 @@ class RelativeFilter {
   double value(const Vec3& y) const noexcept { return constant_ - 2 * dot(difference_, y); }
   /// The owner's side for sure, given a value; the other's if it is so for the negative value. Never for NaN, from overflow.
   bool is_inside(double value) const noexcept { return value > margin_; }
+  /// |∇D|: a ball around y is on the owner's side if is_inside(value(y) − slope · radius).
+  double slope() const noexcept { return 2 * (1 + kOffsetSlack) * norm(difference_); }
   /// The side if it is sure, else 0.
   int side(const Vec3& y) const noexcept {
     const double at = value(y);
@@ -58,32 +60,10 @@ class RelativeFilter {
   double constant_, margin_;
 };
 
-/// Tells balls on the owner's side of a bisector, by D_j(x) in doubles.
-class SideFilter {
- public:
-  SideFilter(const WeightedPoint& owner, const WeightedPoint& other) noexcept
-      : difference_(other.position() - owner.position()),
-        sum_(other.position() + owner.position()),
-        weights_(owner.w - other.w),
-        gradient_(sum(difference_.cwiseAbs())),
-        weight_error_(kSideRounding * std::fabs(weights_)) {}
-
-  /// |∇D|, for surely_inside.
-  double slope() const noexcept { return 2 * (1 + kOffsetSlack) * norm(difference_); }
-
-  /// True only if all points within `radius` of x are on the owner's side. `error`, of x, must include kPositionRounding of the
-  /// coordinates: the sum above has that rounding too. NaN and infinity give false.
-  bool surely_inside(const Vec3& x, double radius, double error, double slope) const noexcept {
-    const double tx = sum_.x() - 2 * x.x(), ty = sum_.y() - 2 * x.y(), tz = sum_.z() - 2 * x.z();
-    const double value = (difference_.x() * tx + difference_.y() * ty + difference_.z() * tz) + weights_;
-    // |∇D| = 2|p_j − p_i|; the 1-norm bounds it from above.
-    const double span = std::fabs(tx) + std::fabs(ty) + std::fabs(tz);
-    return value > slope * radius + (gradient_ * (2 * error + kSideRounding * span) + weight_error_);
-  }
-
- private:
-  Vec3 difference_, sum_;
-  double weights_, gradient_, weight_error_;
+/// The corners of a facet, where several points of it are computed.
+struct FacetCorners {
+  Vec3 at[3];
+  FacetCorners(const MeshView& mesh, Index facet) : at{mesh.corner(facet, 0), mesh.corner(facet, 1), mesh.corner(facet, 2)} {}
 };
 
 /// Order of a site's planes; ties by site, so that nothing depends on the sort. A type, which sorting compiles in.
@@ -110,7 +90,7 @@ class RestrictedPowerDiagram::Clipper {
   Clipper& operator=(const Clipper&) = delete;
 
   /// For bulk work, while no site changes: two or three fragments of a facet have a corner, one after the other.
-  void remember_crossings() { known_.resize(kCrossingsKnown, Crossing{kNone, 0, 0, 0, Vec3::Zero()}); }
+  void remember_crossings() { known_.resize(kCrossingsKnown, Crossing{kNone, 0, 0, 0, {{0, 0}, Vec3::Zero()}}); }
 
   void set_facet(Index facet) {
     const MeshView& mesh = diagram_.mesh_;
@@ -130,8 +110,11 @@ class RestrictedPowerDiagram::Clipper {
 
   /// The whole facet, owned by nobody; not to be clipped.
   void start_ownerless() {
+    if (owner_site_ == kNone) owner_position_ = Vec3::Zero();
     now_->clear(3);
-    for (int c = 0; c < 3; ++c) now_->add(corner(c), mesh_edge_label(c), owner_position_);
+    for (int c = 0; c < 3; ++c) {
+      now_->add({detail::PackedBarycentric::of_corner(c), position_[c]}, mesh_edge_label(c), owner_position_);
+    }
     measure();
   }
 
@@ -139,7 +122,7 @@ class RestrictedPowerDiagram::Clipper {
     set_facet(polygon.facet);
     set_owner(polygon.site);
     now_->clear(detail::slot(polygon.size));
-    for (Index k = 0; k < polygon.size; ++k) now_->add(polygon.corners[k], polygon.labels[k], owner_position_);
+    for (Index k = 0; k < polygon.size; ++k) now_->add(placed(polygon, k), polygon.labels[k], owner_position_);
     measure();
   }
 
@@ -162,7 +145,7 @@ class RestrictedPowerDiagram::Clipper {
       k = k + 1 == m ? 0 : k + 1;
       next_->add(*now_, k);
     } while (now_->labels[k] != out);
-    for (Index e = 2; e < n; ++e) next_->add(polygon.corners[(at + e) % n], polygon.labels[(at + e) % n], owner_position_);
+    for (Index e = 2; e < n; ++e) next_->add(placed(polygon, (at + e) % n), polygon.labels[(at + e) % n], owner_position_);
     std::swap(now_, next_);
     measure();
   }
@@ -210,15 +193,23 @@ class RestrictedPowerDiagram::Clipper {
   double security_radius() const { return reach_; }
 
   Index size() const { return static_cast<Index>(now_->size); }
-  const Vec3* corners() const { return now_->corners.data(); }
+  const detail::PackedBarycentric* corners() const { return now_->corners.data(); }
+  detail::PackedBall ball() const { return detail::PackedBall(now_->relative.data(), now_->size); }
   Labels labels() const { return {now_->labels.data(), now_->labels.data() + now_->size}; }
 
  private:
+  /// A point of the facet, as it is kept, and where that is.
+  struct Placed {
+    detail::PackedBarycentric place;
+    Vec3 position;
+  };
+
   /// A polygon in arrays that keep their room.
   struct Arrays {
     std::size_t size = 0;
-    std::vector<Vec3> corners, relative;  ///< absolute, and to the owner
-    std::vector<double> squares;          ///< squared distances from the owner
+    std::vector<detail::PackedBarycentric> corners;
+    std::vector<Vec3> relative;   ///< to the owner
+    std::vector<double> squares;  ///< squared distances from the owner
     std::vector<Index> labels;
 
     /// Makes it empty, with room for that many corners.
@@ -232,9 +223,9 @@ class RestrictedPowerDiagram::Clipper {
       squares.resize(room);
       labels.resize(room);
     }
-    void add(const Vec3& x, Index label, const Vec3& owner) {
-      corners[size] = x;
-      relative[size] = x - owner;
+    void add(const Placed& x, Index label, const Vec3& owner) {
+      corners[size] = x.place;
+      relative[size] = x.position - owner;
       squares[size] = detail::squared_norm(relative[size]);
       labels[size++] = label;
     }
@@ -250,13 +241,17 @@ class RestrictedPowerDiagram::Clipper {
   struct Crossing {
     Index facet;
     Index a, b, c;  ///< the sites and the edge's label, ascending
-    Vec3 position;
+    Placed placed;
   };
   /// A facet's fragments are found next to each other: those of the last 20 or so.
   static constexpr int kCrossingBits = 6;
   static constexpr std::size_t kCrossingsKnown = std::size_t{1} << kCrossingBits;
 
-  const Vec3& corner(int c) const { return position_[c]; }
+  /// Corner k of a polygon of the facet.
+  Placed placed(const Polygon& polygon, Index k) const {
+    const detail::PackedBarycentric& place = polygon.corners.places()[k];
+    return {place, place.position(position_)};
+  }
 
   void set_owner(Index site) {
     owner_site_ = site;
@@ -292,8 +287,11 @@ class RestrictedPowerDiagram::Clipper {
   Bisector bisector(Index label) const { return Bisector(*owner_, diagram_.site(label), corner_); }
 
   /// The intersection of the line of an edge with the bisector of `other`.
-  Vec3 crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) {
-    if (known_.empty()) return compute_crossing(label, other, bisector_with_other);
+  const Placed& crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) {
+    if (known_.empty()) {
+      compute_crossing(label, other, bisector_with_other, unknown_);
+      return unknown_;
+    }
     // All fragments there compute the same bits, so it does not matter which one did.
     Index a = owner_site_, b = other, c = label;
     if (b < a) std::swap(a, b);
@@ -303,21 +301,26 @@ class RestrictedPowerDiagram::Clipper {
                                0xc2b2ae3du * static_cast<std::uint32_t>(c);
     Crossing& known = known_[hash >> (32 - kCrossingBits)];
     if (known.facet != facet_ || known.a != a || known.b != b || known.c != c) {
-      known = {facet_, a, b, c, compute_crossing(label, other, bisector_with_other)};
+      known.facet = facet_;
+      known.a = a;
+      known.b = b;
+      known.c = c;
+      compute_crossing(label, other, bisector_with_other, known.placed);
     }
-    return known.position;
+    return known.placed;
   }
 
-  Vec3 compute_crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other) const {
+  void compute_crossing(Index label, Index other, std::optional<Bisector>& bisector_with_other, Placed& result) const {
     if (is_site(label)) {
       const Vec3 b = facet_crossing_coordinates(corner_, *owner_, diagram_.site(label), diagram_.site(other));
-      return b[0] * corner(0) + b[1] * corner(1) + b[2] * corner(2);
+      result.place = detail::PackedBarycentric::inside(b, position_, result.position);
+      return;
     }
     // Ends in the order of their global indices: both facets of the edge compute the same bits.
     int u = mesh_edge(label), v = (u + 1) % 3;
     if (vertex_[detail::slot(u)] > vertex_[detail::slot(v)]) std::swap(u, v);
     const std::array<double, 2> b = edge_crossing_coordinates(corner_, u, v, with(diagram_.site(other), bisector_with_other));
-    return b[0] * corner(u) + b[1] * corner(v);
+    result.place = detail::PackedBarycentric::on_edge(u, v, b[1], position_, result.position);
   }
 
   /// Replaces the outside corners, one run of them since both polygon and half-space are convex, by two crossings.
@@ -353,6 +356,7 @@ class RestrictedPowerDiagram::Clipper {
   std::vector<double> values_;  ///< of a bisector, at the corners
   std::vector<char> inside_;
   std::vector<Crossing> known_;  ///< by hash
+  Placed unknown_{{0, 0}, Vec3::Zero()};
 };
 
 }  // namespace amps

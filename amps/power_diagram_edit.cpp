@@ -183,7 +183,7 @@ void RestrictedPowerDiagram::find_cell(Clipper& clipper, NewCell& cell) const {
     clipper.load(polygon(f));
     if (!clipper.clip(cell.site)) continue;
     facets.push_back(fragment.facet);
-    cell.cuts.push_back({f, fragment.site, clipper.size()});
+    cell.cuts.push_back({f, fragment.site, clipper.size(), clipper.ball()});
     keep();
   }
   std::sort(facets.begin(), facets.end());
@@ -193,13 +193,13 @@ void RestrictedPowerDiagram::find_cell(Clipper& clipper, NewCell& cell) const {
     clipper.start(cell.site);
     clipper.clip_all(planes.data(), planes.data() + planes.size());
     AMPS_ASSERT(!clipper.empty());
-    cell.pieces.push_back({facet, clipper.size()});
+    cell.pieces.push_back({facet, clipper.size(), clipper.ball()});
     keep();
   }
 }
 
 void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
-  const Vec3* corners = cell.corners.data();
+  const detail::PackedBarycentric* corners = cell.corners.data();
   const Index* labels = cell.labels.data();
   for (std::size_t k = 0; k < cell.cuts.size(); ++k) {
     const NewCell::Cut& cut = cell.cuts[k];
@@ -207,7 +207,7 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
     if (cut.size == 0) {
       free_fragment(cut.fragment, edit_);
     } else {
-      store_polygon(fragments_[slot(cut.fragment)], corners, labels, cut.size, edit_);
+      store_polygon(fragments_[slot(cut.fragment)], cut.ball, corners, labels, cut.size, edit_);
     }
     corners += cut.size;
     labels += cut.size;
@@ -216,7 +216,7 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
     update_reach(cut.site);
   }
   for (const NewCell::Piece& piece : cell.pieces) {
-    add_fragment(piece.facet, cell.site, corners, labels, piece.size, edit_);
+    add_fragment(piece.facet, cell.site, piece.ball, corners, labels, piece.size, edit_);
     corners += piece.size;
     labels += piece.size;
   }
@@ -235,13 +235,14 @@ void RestrictedPowerDiagram::finish_edit(EditRecord& edit) {
 /// Lists the fragments of `site` from which the cell of `by` may take something.
 void RestrictedPowerDiagram::find_touched(Index site, Index by, std::vector<Index>& touched) const {
   if (plane(site, by).offset > reach_[slot(site)]) return;
-  const detail::SideFilter filter(this->site(site), this->site(by));
-  const double error = largest_facet_error_, slope = filter.slope();
+  const WeightedPoint& owner = this->site(site);
+  const double most = 2 * reach_[slot(site)];  // of the distance of a centre, which is no corner
+  const detail::RelativeFilter filter(owner.position(), owner.w, this->site(by), largest_facet_error_, most);
+  const double slope = filter.slope();
   for (Index f = first_of_site(site); f != kNone; f = next_of_site(f)) {
     const Fragment& fragment = fragments_[slot(f)];
     if (local(fragment.facet)) continue;
-    if (filter.surely_inside({fragment.centre[0], fragment.centre[1], fragment.centre[2]}, fragment.radius, error, slope))
-      continue;
+    if (filter.is_inside(filter.value(fragment.ball.centre()) - slope * fragment.ball.radius())) continue;
     touched.push_back(f);
     prefetch_polygon(f);
   }
@@ -280,7 +281,7 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
 /// For the polygon of a fragment, and the corners' indices of its facet.
 void RestrictedPowerDiagram::prefetch_polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  const Vec3* const corners = polygons_.corners(fragment.room);
+  const detail::PackedBarycentric* const corners = polygons_.corners(fragment.room);
   detail::prefetch(corners);
   detail::prefetch(corners + fragment.size - 1);
   detail::prefetch(polygons_.labels(fragment.room));
@@ -432,8 +433,8 @@ bool RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& cand
 void RestrictedPowerDiagram::find_possible_owners(Index f, const std::vector<Index>& candidates,
                                                   std::vector<Index>& possible_owners) const {
   const Fragment& fragment = fragments_[slot(f)];
-  const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
-  const double radius = fragment.radius + largest_facet_error_;
+  const Vec3 centre = site(fragment.site).position() + fragment.ball.centre();
+  const double radius = fragment.ball.radius() + largest_facet_error_;
   const auto slack = [](double d, double w) { return detail::kOffsetSlack * (d * d + std::fabs(w)); };
   double max_power = INFINITY;
   for (const Index candidate : candidates) {

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace amps {
@@ -23,25 +24,28 @@ namespace {
 
 /// So many sites bound each other's cells in a facet without a search among them.
 constexpr Index kFewLocalSites = 48;
+/// So many are moved in a list at once, in a tenth of a microsecond.
+constexpr std::size_t kFewKeptTidy = 1024;
 /// Fragments of a loop that takes some 20 ns for each, and at most 200.
 constexpr std::size_t kLocalFragmentsPerPiece = std::size_t{1} << 13;
 
-/// Does the ball meet the convex polygon? True where rounding leaves it open.
-bool ball_may_meet(const RestrictedPowerDiagram::Polygon& polygon, const Vec3& normal, const WeightedPoint& ball,
-                   double error) {
+/// Does the ball meet the convex polygon with these corners? True where rounding leaves it open.
+template <class Corners>
+bool ball_may_meet(const Corners& corners, Index size, const Vec3& normal, const WeightedPoint& ball, double error) {
   constexpr double kSlack = 1e-9;
   const Vec3 p = ball.position();
   double nearest = INFINITY;
   bool above_inside = true;
-  for (Index k = 0; k < polygon.size; ++k) {
-    const Vec3 a = polygon.corners[k], along = polygon.corners[k + 1 == polygon.size ? 0 : k + 1] - a;
+  Vec3 b = corners[size - 1];
+  for (Index k = 0; k < size; ++k) {
+    const Vec3 a = std::exchange(b, corners[k]), along = b - a;
     const double length2 = squared_norm(along);
     const double t = length2 > 0 ? std::min(std::max(dot(p - a, along) / length2, 0.0), 1.0) : 0.0;
     nearest = std::min(nearest, squared_norm(a + t * along - p));
     above_inside = above_inside && dot(normal.cross(along), p - a) >= 0;
   }
   if (above_inside) {
-    const double height = dot(p - polygon.corners[0], normal);
+    const double height = dot(p - corners[0], normal);
     nearest = std::min(nearest, height * height);
   }
   const double radius = std::sqrt(ball.w) * (1 + kSlack) + error;
@@ -64,12 +68,122 @@ bool RestrictedPowerDiagram::reaches_local_facet(Index s) const {
   return false;
 }
 
-/// In no particular order, but one that depends on the history of edits alone.
+/// visit(site), ascending.
+template <class Visit>
+void RestrictedPowerDiagram::for_each_local_site(Index facet, const Visit& visit) const {
+  const LocalSites& local = local_sites_[slot(local_[slot(facet)])];
+  const auto visit_all = [&](const std::vector<Index>& sites) {
+    for (const Index s : sites) {
+      if (takes_part(s)) visit(s);
+    }
+  };
+  if (local.tidy) {
+    visit_all(local.sites);
+    return;
+  }
+  std::vector<Index> sites = local.sites;
+  keep_local_sites(facet, sites);
+  visit_all(sites);
+}
+
 void RestrictedPowerDiagram::list_local_sites(Index facet, std::vector<Index>& sites) const {
   sites.clear();
-  reach_lists_->for_each_sample(facet, [&](Index s) {
-    if (takes_part(s)) sites.push_back(s);
-  });
+  for_each_local_site(facet, [&](Index s) { sites.push_back(s); });
+}
+
+/// How many are listed.
+Index RestrictedPowerDiagram::count_local_sites(Index facet) const {
+  return static_cast<Index>(local_sites_[slot(local_[slot(facet)])].sites.size());
+}
+
+/// Sorts these sites, and leaves out those that do not reach the facet, or not any more. Duplicates of others stay: once these
+/// are removed they take part.
+void RestrictedPowerDiagram::keep_local_sites(Index facet, std::vector<Index>& sites) const {
+  const auto is_gone = [&](Index s) { return removed(s) || !reach_lists_->has(s) || !reach_lists_->reaches(s, facet); };
+  sites.erase(std::remove_if(sites.begin(), sites.end(), is_gone), sites.end());
+  std::sort(sites.begin(), sites.end());
+  sites.erase(std::unique(sites.begin(), sites.end()), sites.end());
+}
+
+void RestrictedPowerDiagram::add_local_site(Index facet, Index s) {
+  LocalSites& local = local_sites_[slot(local_[slot(facet)])];
+  std::vector<Index>& sites = local.sites;
+  if (local.tidy && (sites.empty() || s > sites.back())) {
+    sites.push_back(s);
+    return;
+  }
+  if (local.tidy && sites.size() <= detail::kFewKeptTidy) {
+    sites.insert(std::lower_bound(sites.begin(), sites.end(), s), s);
+    return;
+  }
+  if (local.tidy) local.most = 2 * sites.size();
+  local.tidy = false;
+  sites.push_back(s);
+  if (sites.size() < local.most) return;
+  keep_local_sites(facet, sites);
+  local.tidy = true;
+}
+
+void RestrictedPowerDiagram::remove_local_site(Index facet, Index s) {
+  LocalSites& local = local_sites_[slot(local_[slot(facet)])];
+  std::vector<Index>& sites = local.sites;
+  if (local.tidy && sites.size() <= detail::kFewKeptTidy) {
+    sites.erase(std::lower_bound(sites.begin(), sites.end(), s));
+    return;
+  }
+  if (local.tidy) local.most = 2 * sites.size();
+  local.tidy = false;
+}
+
+/// From now on the facet is local. No site is listed yet.
+void RestrictedPowerDiagram::make_local(Index facet) {
+  if (local_.empty()) local_.assign(slot(mesh_.num_facets()), kNone);
+  local_[slot(facet)] = static_cast<Index>(local_sites_.size());
+  local_sites_.emplace_back();
+}
+
+/// Lists all sites that reach some of these facets, which are not local yet, and others. Let the ball of a site hold a point x
+/// of a facet. If the site does not own x, then across some side of its cell there is one of less power at x, whose ball holds
+/// x, too. So from the owners in the facet one gets to all of them over neighbours whose balls meet it; but for those that
+/// others have hidden. Ascending.
+std::vector<Index> RestrictedPowerDiagram::find_sites_near(const std::vector<Index>& facets) {
+  struct Place {
+    detail::FacetCorners corners;
+    Vec3 normal;
+    double error;
+  };
+  std::vector<Place> places;
+  std::vector<Index> sites, star;
+  const std::uint32_t stamp = new_stamp();
+  const auto is_new = [&](Index v) { return std::exchange(stamp_[slot(v)], stamp) != stamp; };
+  for (const Index facet : facets) {
+    places.push_back({detail::FacetCorners(mesh_, facet), detail::normal_of(mesh_, facet), facet_error_[slot(facet)]});
+    for (Index f = first_of_facet(facet); f != kNone; f = next_of_facet(f)) {
+      const Index s = fragments_[slot(f)].site;
+      if (is_new(s + kSentinels)) sites.push_back(s);
+    }
+  }
+  const auto meets = [&](Index s) {
+    const WeightedPoint& ball = site(s);
+    return std::any_of(places.begin(), places.end(), [&](const Place& place) {
+      return detail::ball_may_meet(place.corners.at, 3, place.normal, ball, place.error);
+    });
+  };
+  for (std::size_t k = 0; k < sites.size(); ++k) {
+    triangulation_.incident_cells(sites[k] + kSentinels, star);
+    for (const Index c : star) {
+      for (const Index v : triangulation_.cell(c).vertex) {
+        if (v >= kSentinels && is_new(v) && meets(v - kSentinels)) sites.push_back(v - kSentinels);
+      }
+    }
+  }
+  if (triangulation_.num_hidden() > 0) {
+    for (Index s = 0; s < num_sites(); ++s) {
+      if (!visible(s) && !removed(s)) sites.push_back(s);
+    }
+  }
+  std::sort(sites.begin(), sites.end());
+  return sites;
 }
 
 /// Has the ball of its owner a part of the fragment, while the owner does not reach the facet?
@@ -77,15 +191,13 @@ bool RestrictedPowerDiagram::is_foreign(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
   if (reach_lists_->reaches(fragment.site, fragment.facet)) return false;
   const WeightedPoint& owner = site(fragment.site);
-  const Vec3 offset(fragment.centre[0] - owner.x, fragment.centre[1] - owner.y, fragment.centre[2] - owner.z);
   const double error = facet_error_[slot(fragment.facet)];
-  const double beyond = detail::norm(offset) * (1 - detail::kOffsetSlack) - fragment.radius - error;
+  const double beyond = detail::norm(fragment.ball.centre()) * (1 - detail::kOffsetSlack) - fragment.ball.radius() - error;
   if (beyond > 0 && beyond * beyond > owner.w) return false;
-  return detail::ball_may_meet(polygon(f), detail::normal_of(mesh_, fragment.facet), owner, error);
+  return detail::ball_may_meet(polygon(f).corners, fragment.size, detail::normal_of(mesh_, fragment.facet), owner, error);
 }
 
 void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
-  local_.assign(slot(mesh_.num_facets()), 0);
   constexpr std::size_t kPiece = detail::kLocalFragmentsPerPiece;
   std::vector<std::vector<Index>> found((fragments_.size() + kPiece - 1) / kPiece);
   detail::for_each_piece_on_all_threads(fragments_.size(), kPiece, execution.part(0, 0.5),
@@ -99,14 +211,23 @@ void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
   for (const std::vector<Index>& some : found) facets.insert(facets.end(), some.begin(), some.end());
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-  for (const Index facet : facets) local_[slot(facet)] = 1;
-  detail::Ticker dividing(execution.part(0.5, 1), facets.size());
+  if (facets.empty()) return;
+  for (const Index facet : facets) make_local(facet);
+  detail::for_each_piece(slot(num_sites()), detail::kElementsPerLook, execution.part(0.5, 0.6),
+                         [&](std::size_t begin, std::size_t end) {
+                           for (auto s = static_cast<Index>(begin); s < static_cast<Index>(end); ++s) {
+                             for (const Index facet : reach_lists_->facets(s)) {
+                               if (local(facet)) add_local_site(facet, s);
+                             }
+                           }
+                         });
+  detail::Ticker dividing(execution.part(0.6, 1), facets.size());
   for (const Index facet : facets) {
     dividing.tick();
-    localize(facet);
+    clear_facet(facet);
+    divide_locally(facet);
   }
-  edit_.changed.clear();
-  edit_.changed_sites.clear();
+  edit_.clear();
 }
 
 /// Fragments that an edit has changed may be foreign now: after an insertion those of the new owner, since all others have
@@ -119,18 +240,28 @@ void RestrictedPowerDiagram::localize_foreign(Index owner) {
   }
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-  for (const Index facet : facets) localize(facet);
+  if (!facets.empty()) localize(facets);
 }
 
-void RestrictedPowerDiagram::localize(Index facet) {
+void RestrictedPowerDiagram::localize(const std::vector<Index>& facets) {
+  const std::vector<Index> near = find_sites_near(facets);
+  for (const Index facet : facets) {
+    make_local(facet);
+    for (const Index s : near) {
+      if (reach_lists_->reaches(s, facet)) local_sites_.back().sites.push_back(s);
+    }
+    clear_facet(facet);
+    divide_locally(facet);
+  }
+}
+
+void RestrictedPowerDiagram::clear_facet(Index facet) {
   for (Index f = first_of_facet(facet), next = kNone; f != kNone; f = next) {
     next = next_of_facet(f);
     edit_.changed.push_back(f);
     edit_.changed_sites.push_back(fragments_[slot(f)].site);
     free_fragment(f, edit_);
   }
-  local_[slot(facet)] = 1;
-  divide_locally(facet);
 }
 
 /// A local facet without fragments gets them, by a flood from the owner of a corner.
@@ -141,7 +272,7 @@ void RestrictedPowerDiagram::divide_locally(Index facet) {
     add_ownerless_fragment(facet);
     return;
   }
-  if (reach_lists_->num_samples(facet) > detail::kFewLocalSites && site_tree_.empty()) make_site_tree();
+  if (count_local_sites(facet) > detail::kFewLocalSites && site_tree_.empty()) make_site_tree();
   queue.assign(1, owner_of_corner(facet, queue));
   const std::uint32_t stamp = new_stamp();
   stamp_[slot(queue.front() + kSentinels)] = stamp;
@@ -188,12 +319,12 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
     planes.clear();
   };
   const auto clip_by_all = [&] {
-    reach_lists_->for_each_sample(facet, [&](Index s) {
-      if (s != owner && takes_part(s)) planes.push_back(plane(owner, s));
+    for_each_local_site(facet, [&](Index s) {
+      if (s != owner) planes.push_back(plane(owner, s));
     });
     clip();
   };
-  if (site_tree_.empty() || reach_lists_->num_samples(facet) <= detail::kFewLocalSites) {
+  if (site_tree_.empty() || count_local_sites(facet) <= detail::kFewLocalSites) {
     clip_by_all();
     return;
   }
@@ -233,6 +364,11 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
 
 void RestrictedPowerDiagram::enter_local_facets(Index s) {
   if (!site_tree_.empty()) insert_into_site_tree(s);
+  if (!local_.empty()) {
+    for (const Index facet : reach_lists_->facets(s)) {
+      if (local(facet)) add_local_site(facet, s);
+    }
+  }
   for (const Index v : triangulation_.hidden_by_last_insertion()) {
     // Its duplicate: no bisector tells the two apart.
     if (v >= kSentinels && v != s + kSentinels && !takes_part(v - kSentinels)) give_local_facets_away(v - kSentinels);
@@ -295,7 +431,7 @@ bool RestrictedPowerDiagram::enter_large_facet(Index facet, Index s, Clipper& cl
 }
 
 void RestrictedPowerDiagram::enter_local_facet(Index facet, Index s, Clipper& clipper) {
-  const bool large = reach_lists_->num_samples(facet) > detail::kFewLocalSites;
+  const bool large = count_local_sites(facet) > detail::kFewLocalSites;
   if (large && site_tree_.empty()) make_site_tree();
   if (large && enter_large_facet(facet, s, clipper)) return;
   clipper.set_facet(facet);
@@ -353,6 +489,11 @@ std::vector<Index> RestrictedPowerDiagram::cut_local_fragments(Index facet, Inde
 /// After the removal of s, which the lists still have.
 void RestrictedPowerDiagram::leave_local_facets(Index s) {
   if (!site_tree_.empty()) site_tree_.remove(site(s).position(), s);
+  if (!local_.empty()) {
+    for (const Index facet : reach_lists_->facets(s)) {
+      if (local(facet)) remove_local_site(facet, s);
+    }
+  }
   give_local_facets_away(s);
   localize_foreign(kNone);
 }
@@ -384,10 +525,10 @@ void RestrictedPowerDiagram::give_local_facets_away(Index s) {
 void RestrictedPowerDiagram::find_local_candidates(Index f, std::vector<Index>& candidates) const {
   const Fragment& fragment = fragments_[slot(f)];
   const Index facet = fragment.facet;
-  if (!site_tree_.empty() && reach_lists_->num_samples(facet) > detail::kFewLocalSites) {
+  if (!site_tree_.empty() && count_local_sites(facet) > detail::kFewLocalSites) {
     // At a point of the fragment its new owner has at most the power of whoever is beyond an edge.
-    const Vec3 centre(fragment.centre[0], fragment.centre[1], fragment.centre[2]);
-    const double radius = fragment.radius + largest_facet_error_;
+    const Vec3 centre = site(fragment.site).position() + fragment.ball.centre();
+    const double radius = fragment.ball.radius() + largest_facet_error_;
     const Polygon left = polygon(f);
     double max_power = INFINITY;
     for (Index k = 0; k < left.size; ++k) {

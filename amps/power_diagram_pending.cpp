@@ -176,9 +176,9 @@ void RestrictedPowerDiagram::carry_out(PendingEdit& edit) {
   }
 }
 
-bool RestrictedPowerDiagram::finish(PendingEdit& edit) {
+void RestrictedPowerDiagram::join(PendingEdit& edit) {
   EditRecord& record = edit.record_;
-  const bool complete = edit.next_step_ == edit.num_steps_;
+  edit.is_late_ = edit.next_step_ < edit.num_steps_;
   for (std::size_t count = 2 * detail::kSlotsHeld; edit.next_step_ < edit.num_steps_; count *= 2) {
     hold_slots(edit, count);
     run_steps(edit);
@@ -194,29 +194,29 @@ bool RestrictedPowerDiagram::finish(PendingEdit& edit) {
   num_fragments_ += std::exchange(record.fragments_added, 0);
   record.slots.insert(record.slots.end(), record.freed.begin(), record.freed.end());
   record.freed.clear();
-  if (!site_tree_.empty()) {
-    for (std::size_t k = 0; k < edit.num_steps_; ++k) {
-      const Index s = edit.steps_[k].site;
-      if (edit.steps_[k].enters) {
-        insert_into_site_tree(s);
-      } else {
-        site_tree_.remove(edit.steps_[k].position, s);
-      }
+  if (site_tree_.empty()) return;
+  for (std::size_t k = 0; k < edit.num_steps_; ++k) {
+    const Index s = edit.steps_[k].site;
+    if (edit.steps_[k].enters) {
+      insert_into_site_tree(s);
+    } else {
+      site_tree_.remove(edit.steps_[k].position, s);
     }
   }
-  bool more = !complete;
-  if (edit.has_foreign_ || (!complete && reach_lists_ != nullptr)) {
-    edit_.changed = record.changed;
-    edit_.changed_sites = record.changed_sites;
-    localize_foreign(kNone);
-    more = true;
-    std::swap(record.changed, edit_.changed);
-    std::swap(record.changed_sites, edit_.changed_sites);
+}
+
+bool RestrictedPowerDiagram::finish(PendingEdit& edit) {
+  if (edit.is_late_ || edit.has_foreign_) {
+    edit_.changed = std::move(edit.record_.changed);
+    edit_.changed_sites = std::move(edit.record_.changed_sites);
+    if (reach_lists_ != nullptr) localize_foreign(kNone);
+    finish_edit();
+    std::swap(edit.record_.changed, edit_.changed);
+    std::swap(edit.record_.changed_sites, edit_.changed_sites);
   }
   edit_.clear();
-  if (more) finish_edit(record);
-  finish_edit();
-  return more;
+  if (4 * polygons_.unused() > 3 * polygons_.capacity()) compact_polygons();
+  return edit.is_late_ || edit.has_foreign_;
 }
 
 }  // namespace amps

@@ -295,8 +295,6 @@ double SurfaceFlood::bottleneck(const PlacedPoint& from, const PlacedPoint& to, 
 
 // Lists
 
-ReachLists::ReachLists(Index num_facets) : heads_(slot(num_facets)) {}
-
 void ReachLists::reserve(std::size_t num_samples) {
   if (runs_.empty()) return;
   const auto most = static_cast<std::size_t>(std::numeric_limits<Index>::max());
@@ -304,14 +302,13 @@ void ReachLists::reserve(std::size_t num_samples) {
   const double pairs = std::min(growth * static_cast<double>(facets_.size()), static_cast<double>(most));
   runs_.reserve(num_samples);
   facets_.reserve(static_cast<std::size_t>(pairs));
-  links_.reserve(static_cast<std::size_t>(pairs));
 }
 
 /// The first of `size` pairs that nothing uses.
 Index ReachLists::take_run(std::size_t size) {
   if (size < unused_of_size_.size() && unused_of_size_[size] != kNone) {
     const Index begin = unused_of_size_[size];
-    unused_of_size_[size] = links_[slot(begin)].next;
+    unused_of_size_[size] = facets_[slot(begin)];
     unused_ -= size;
     return begin;
   }
@@ -320,74 +317,30 @@ Index ReachLists::take_run(std::size_t size) {
     throw Error(ErrorCode::kTooLarge, "amps: the disks reach more than 2^31 facets in all; they are too large for this mesh");
   }
   facets_.resize(begin + size);
-  links_.resize(begin + size);
   return static_cast<Index>(begin);
 }
 
-void ReachLists::fill(Index sample, Index begin, const std::vector<Index>& facets) {
-  runs_[slot(sample)] = {begin, static_cast<Index>(facets.size())};
-  for (std::size_t k = 0; k < facets.size(); ++k) {
-    const Index pair = begin + static_cast<Index>(k);
-    Head& head = heads_[slot(facets[k])];
-    facets_[slot(pair)] = facets[k];
-    links_[slot(pair)] = {sample, head.first, kNone};
-    if (head.first != kNone) links_[slot(head.first)].previous = pair;
-    head.first = pair;
-    ++head.count;
-  }
-}
-
-/// Unlinks a run's pairs and keeps it for another sample.
+/// Keeps a run for another sample.
 void ReachLists::release(Run& run) {
-  for (Index pair = run.begin; pair < run.begin + run.size; ++pair) {
-    const Link& link = links_[slot(pair)];
-    Head& head = heads_[slot(facets_[slot(pair)])];
-    if (link.next != kNone) links_[slot(link.next)].previous = link.previous;
-    if (link.previous != kNone) {
-      links_[slot(link.previous)].next = link.next;
-    } else {
-      head.first = link.next;
-    }
-    --head.count;
-  }
-  const std::size_t size = slot(run.size);
-  run.size = -1;
+  const std::size_t size = slot(std::exchange(run.size, -1));
   if (size == 0) return;
   if (unused_of_size_.size() <= size) unused_of_size_.resize(size + 1, kNone);
-  links_[slot(run.begin)].next = unused_of_size_[size];
+  facets_[slot(run.begin)] = unused_of_size_[size];
   unused_of_size_[size] = run.begin;
   unused_ += size;
 }
 
-/// Moves all lists together, in the order of the samples; facets keep the order of theirs.
+/// Moves all lists together, in the order of the samples.
 void ReachLists::compact() {
-  std::vector<Index> new_begin(runs_.size(), 0);
-  Index end = 0;
-  for (std::size_t s = 0; s < runs_.size(); ++s) {
-    if (runs_[s].size < 0) continue;
-    new_begin[s] = end;
-    end += runs_[s].size;
-  }
-  const auto moved = [&](Index pair) {
-    if (pair == kNone) return kNone;
-    const std::size_t s = slot(links_[slot(pair)].sample);
-    return new_begin[s] + (pair - runs_[s].begin);
-  };
-  std::vector<Index> facets(slot(end));
-  std::vector<Link> links(slot(end));
-  for (std::size_t s = 0; s < runs_.size(); ++s) {
-    for (Index k = 0; k < runs_[s].size; ++k) {
-      const std::size_t from = slot(runs_[s].begin + k), to = slot(new_begin[s] + k);
-      facets[to] = facets_[from];
-      links[to] = {static_cast<Index>(s), moved(links_[from].next), moved(links_[from].previous)};
-    }
-  }
-  for (Head& head : heads_) head.first = moved(head.first);
-  for (std::size_t s = 0; s < runs_.size(); ++s) {
-    if (runs_[s].size >= 0) runs_[s].begin = new_begin[s];
+  std::vector<Index> facets;
+  facets.reserve(size());
+  for (Run& run : runs_) {
+    if (run.size < 0) continue;
+    const auto first = facets_.begin() + run.begin;
+    run.begin = static_cast<Index>(facets.size());
+    facets.insert(facets.end(), first, first + run.size);
   }
   facets_ = std::move(facets);
-  links_ = std::move(links);
   unused_of_size_.clear();
   unused_ = 0;
 }
@@ -396,7 +349,8 @@ void ReachLists::add(Index sample, const std::vector<Index>& facets) {
   AMPS_ASSERT(!has(sample));
   const Index begin = facets.empty() ? 0 : take_run(facets.size());
   if (runs_.size() <= slot(sample)) runs_.resize(slot(sample) + 1);
-  fill(sample, begin, facets);
+  runs_[slot(sample)] = {begin, static_cast<Index>(facets.size())};
+  std::copy(facets.begin(), facets.end(), facets_.begin() + begin);
 }
 
 bool ReachLists::replace(Index sample, const std::vector<Index>& facets) {

@@ -125,13 +125,10 @@ class SurfaceFlood {
   std::vector<Index> vertex_begin_, vertex_facets_;  ///< facets of each vertex that count, ascending
 };
 
-/// Which samples reach which facet: of each sample its facets, ascending and contiguous, of each facet its samples, linked.
-/// Numbers of samples may be given anew once they are removed. 16 bytes a pair of sample and facet, as much again after many
-/// edits; room of removed samples is used again. The same edits give the same order everywhere. A value.
+/// Which facets each sample reaches: ascending and contiguous. Numbers of samples may be given anew once they are removed. 4
+/// bytes a pair of sample and facet, as much again after many edits; room of removed samples is used again. A value.
 class ReachLists {
  public:
-  explicit ReachLists(Index num_facets);
-
   /// Facets of a sample; valid until the next edit.
   struct Facets {
     const Index* first;
@@ -150,7 +147,7 @@ class ReachLists {
   void add(Index sample, const std::vector<Index>& facets);
   /// The list of a sample that has one is another one now; false if it is the same. O(k).
   bool replace(Index sample, const std::vector<Index>& facets);
-  /// The sample has no list any more. O(k) amortised.
+  /// The sample has no list any more. O(1) amortised.
   void remove(Index sample);
 
   bool has(Index sample) const { return slot(sample) < runs_.size() && runs_[slot(sample)].size >= 0; }
@@ -163,19 +160,6 @@ class ReachLists {
   /// Of a sample that has a list. O(log k).
   bool reaches(Index sample, Index facet) const;
 
-  /// How many samples reach a facet.
-  Index num_samples(Index facet) const { return heads_[slot(facet)].count; }
-  /// visit(sample) for each sample that reaches the facet, the one added last first.
-  template <class Visit>
-  void for_each_sample(Index facet, const Visit& visit) const {
-    for (Index pair = heads_[slot(facet)].first; pair != kNone;) {
-      const Link& link = links_[slot(pair)];
-      pair = link.next;
-      visit(link.sample);
-    }
-  }
-
-  Index num_facets() const { return static_cast<Index>(heads_.size()); }
   /// Pairs of a sample and a facet that it reaches.
   std::size_t size() const { return facets_.size() - unused_; }
   /// Pairs that there is memory for: no more than twice as many, or a few.
@@ -186,22 +170,13 @@ class ReachLists {
     Index begin = 0;
     Index size = -1;  ///< −1: the sample has no list
   };
-  struct Link {
-    Index sample, next, previous;
-  };
-  struct Head {
-    Index first = kNone, count = 0;
-  };
   Index take_run(std::size_t size);
   void release(Run& run);
-  void fill(Index sample, Index begin, const std::vector<Index>& facets);
   void compact();
 
-  std::vector<Head> heads_;            ///< by facet
   std::vector<Run> runs_;              ///< by sample
   std::vector<Index> facets_;          ///< by pair: runs of pairs of one sample
-  std::vector<Link> links_;            ///< by pair
-  std::vector<Index> unused_of_size_;  ///< first unused run of each size, linked by `next` of its first pair
+  std::vector<Index> unused_of_size_;  ///< first unused run of each size, linked by what is at its first pair
   std::size_t unused_ = 0;             ///< pairs of unused runs
 };
 

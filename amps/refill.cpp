@@ -134,15 +134,16 @@ void RefillFinder::add_random_neighbor(RefillPlan::Patch& patch, Rng& rng) const
 
 /// The cells of all samples of the plan as triangles. Samples without a star have patches that cannot be copied.
 void RefillFinder::add_cells(RefillPlan& plan) const {
+  std::vector<Vec3> corners;
   for (const RefillPlan::Patch& patch : plan.patches) {
     for (const Index s : patch) {
       const auto is_of_s = [s](const RefillPlan::Cell& cell) { return cell.sample == s; };
       if (stars_.star[slot(s)].size == 0 || std::any_of(plan.cells.begin(), plan.cells.end(), is_of_s)) continue;
       for (Index f = diagram_.first_of_site(s); f != kNone; f = diagram_.next_of_site(f)) {
         const auto polygon = diagram_.polygon(f);
-        for (Index k = 2; k < polygon.size; ++k) {
-          const Vec3 u = polygon.corners[k - 1] - polygon.corners[0], v = polygon.corners[k] - polygon.corners[0];
-          plan.pieces.push_back({polygon.facet, polygon.corners[0], u, v});
+        polygon.list_corners(corners);
+        for (std::size_t k = 2; k < corners.size(); ++k) {
+          plan.pieces.push_back({polygon.facet, corners[0], corners[k - 1] - corners[0], corners[k] - corners[0]});
         }
       }
       plan.cells.push_back({s, plan.pieces.size()});

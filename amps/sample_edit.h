@@ -99,15 +99,17 @@ class SampleEdit {
   /// Takes those that have entered out again; others may enter in their place.
   void withdraw();
 
-  // Side by side with other edits: begin() of one after another; carry_out() of all, on as many threads; finish() of one after
-  // another. Then each is as one of which all have entered and all to go are taken out, and may go on, in any order.
+  // Side by side with other edits: begin() of one after another; carry_out() of all, on as many threads; one after another
+  // join() of all, and finish() of all. Then each is as one of which all have entered and all to go are taken out, and may go
+  // on, in any order.
 
   /// enter() and take_out(), as far as they are not to be done by carry_out(). False, and nothing has changed, if that cannot
   /// be done beside those that have begun: then the edit has to be made alone.
   bool begin(const std::vector<Sample>& added, Index near, RestrictedPowerDiagram::PendingEdit& pending);
   /// changed_fragments() and affected() are up to date then.
   void carry_out(RestrictedPowerDiagram::PendingEdit& pending);
-  /// True if more has changed than when carry_out() returned.
+  void join(RestrictedPowerDiagram::PendingEdit& pending) { samples_.diagram_.join(pending); }
+  /// True if more has changed than when carry_out() returned, of other edits, too.
   bool finish(RestrictedPowerDiagram::PendingEdit& pending);
 
   const std::vector<SampleChange::Removed>& removed() const { return change_.removed; }

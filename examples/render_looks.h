@@ -178,14 +178,15 @@ inline Scene cell_look(const amps::Mesh& mesh, const amps::SampleSet& samples, C
   const amps::RestrictedPowerDiagram diagram(mesh, samples.positions, weights, execution);
 
   Scene scene;
-  std::vector<amps::Vec3> vertices;
+  std::vector<amps::Vec3> vertices, corners;
   std::vector<std::array<amps::Index, 3>> triangles;
   std::vector<amps::Index> site_of;
   for (amps::Index f = 0; f < diagram.fragment_capacity(); ++f) {
     if (!diagram.alive(f)) continue;
     const amps::RestrictedPowerDiagram::Polygon polygon = diagram.polygon(f);
     const auto first = static_cast<amps::Index>(vertices.size());
-    vertices.insert(vertices.end(), polygon.corners, polygon.corners + polygon.size);
+    polygon.list_corners(corners);
+    vertices.insert(vertices.end(), corners.begin(), corners.end());
     const auto outlined = [&](amps::Index edge) { return amps::RestrictedPowerDiagram::is_site(polygon.labels[edge]); };
     for (amps::Index k = 1; k + 1 < polygon.size; ++k) {  // a fan; its edges are 0–k, k–k+1, k+1–0
       triangles.push_back({first, first + k, first + k + 1});

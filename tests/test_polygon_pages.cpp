@@ -1,18 +1,23 @@
-// Memory of polygons that change: rooms never overlap, keep what is in them, and are used again.
+// Memory of polygons that change: rooms never overlap, keep what is in them, and are used again. And how corners are kept.
 #include "amps/polygon_pages.h"
 
 #include "kit/basics.h"
+#include "kit/points.h"
 #include "kit/random.h"
 
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <map>
 #include <utility>
 #include <vector>
 
 namespace amps_test {
 
+using amps::detail::PackedBall;
+using amps::detail::PackedBarycentric;
 using amps::detail::PolygonPages;
 
 namespace {
@@ -24,14 +29,16 @@ struct Room {
 /// Corners and labels tell the polygon and the place in it.
 void fill(PolygonPages& pages, const Room& room) {
   for (Index k = 0; k < room.size; ++k) {
-    pages.corners(room.at)[k] = Vec3(room.name, k, room.size);
+    pages.corners(room.at)[k] = {(std::int64_t{room.name} << 8) + k, room.size};
     pages.labels(room.at)[k] = room.name + k;
   }
 }
 
 bool is_filled(const PolygonPages& pages, const Room& room) {
   for (Index k = 0; k < room.size; ++k) {
-    if (pages.corners(room.at)[k] != Vec3(room.name, k, room.size) || pages.labels(room.at)[k] != room.name + k) return false;
+    const PackedBarycentric corner = pages.corners(room.at)[k];
+    const bool kept = corner.second() == (std::int64_t{room.name} << 8) + k && corner.third() == room.size;
+    if (!kept || pages.labels(room.at)[k] != room.name + k) return false;
   }
   return true;
 }
@@ -165,6 +172,94 @@ TEST_CASE("polygon_pages: a copy has pages of its own") {
   CHECK(all_filled(copy, others));
   pages = copy;
   CHECK(all_filled(pages, others));
+}
+
+namespace {
+
+Vec3 random_vector(Rng& rng, double scale) {
+  return {scale * (2 * rng.uniform() - 1), scale * (2 * rng.uniform() - 1), scale * (2 * rng.uniform() - 1)};
+}
+
+}  // namespace
+
+TEST_CASE("polygon_pages: a corner is kept to 2^-47 of the facet's longest edge, and exactly where facets meet") {
+  Rng rng(5);
+  const Real tolerance = std::ldexp(Real{1}, -47);
+  for (int round = 0; round < 20000; ++round) {
+    const double scale = std::ldexp(1.0, static_cast<int>(rng.below(40)) - 20);
+    const Vec3 facet[3] = {random_vector(rng, scale), random_vector(rng, scale), random_vector(rng, scale)};
+    const double longest = std::max({(facet[1] - facet[0]).norm(), (facet[2] - facet[1]).norm(), (facet[0] - facet[2]).norm()});
+    // Barycentric coordinates with what they may be off by; some are next to 0 or 1.
+    const double near_end = std::ldexp(rng.uniform(), -static_cast<int>(rng.below(60)));
+    const double b1 = round % 3 == 0 ? near_end : rng.uniform(),
+                 b2 = (1 - b1) * (round % 5 == 0 ? 1 - near_end : rng.uniform());
+    const Vec3 b(1 - b1 - b2 < 0 ? 0 : 1 - b1 - b2, b1, b2);
+    Vec3 said;
+    const PackedBarycentric kept = PackedBarycentric::inside(b, facet, said);
+    const Vec3 x = kept.position(facet);
+    REQUIRE(x == said);
+    REQUIRE(kept.second() >= 0);
+    REQUIRE(kept.third() >= 0);
+    REQUIRE(kept.second() + kept.third() <= PackedBarycentric::kOne);
+    const auto rounding = [&](int c) {
+      return 4 * 0x1p-53 * std::max({std::fabs(facet[0][c]), std::fabs(facet[1][c]), std::fabs(facet[2][c])});
+    };
+    for (int c = 0; c < 3; ++c) {
+      const Real exact = Real{b[0]} * facet[0][c] + Real{b[1]} * facet[1][c] + Real{b[2]} * facet[2][c];
+      REQUIRE(std::fabs(exact - x[c]) <= tolerance * longest + rounding(c));
+    }
+    // A point of an edge, as three facets there see it.
+    const double share = round % 7 == 0 ? near_end : rng.uniform();
+    const int u = static_cast<int>(rng.below(3)), v = (u + 1 + static_cast<int>(rng.below(2))) % 3;
+    const Vec3 on_edge = PackedBarycentric::on_edge(u, v, share, facet, said).position(facet);
+    REQUIRE(on_edge == said);
+    for (int c = 0; c < 3; ++c) {
+      const Real exact = (1 - Real{share}) * facet[u][c] + Real{share} * facet[v][c];
+      REQUIRE(std::fabs(exact - on_edge[c]) <= tolerance * longest + rounding(c));
+    }
+    for (int turn = 0; turn < 3; ++turn) {
+      Vec3 other[3] = {random_vector(rng, scale), random_vector(rng, scale), random_vector(rng, scale)};
+      const int a = turn, z = (turn + 1 + round % 2) % 3;
+      other[a] = facet[u];
+      other[z] = facet[v];
+      REQUIRE(same_bits(PackedBarycentric::on_edge(a, z, share, other, said).position(other), on_edge));
+    }
+  }
+  const Vec3 signs[3] = {Vec3(-0.0, 1, -0.0), Vec3(-0.0, 0.0, 2), Vec3(3, -0.0, -0.0)};
+  for (int c = 0; c < 3; ++c) CHECK(same_bits(PackedBarycentric::of_corner(c).position(signs), signs[c]));
+}
+
+TEST_CASE("polygon_pages: a ball that is kept holds the points, and little more") {
+  Rng rng(6);
+  for (int round = 0; round < 20000; ++round) {
+    const double scale = std::ldexp(1.0, static_cast<int>(rng.below(400)) - 200);
+    const Vec3 middle = random_vector(rng, scale);
+    const double size = std::ldexp(scale, -static_cast<int>(rng.below(12)));
+    std::vector<Vec3> points;
+    for (std::uint64_t k = rng.below(9) + 1; k > 0; --k) points.push_back(middle + random_vector(rng, size));
+    const PackedBall ball(points.data(), points.size());
+    const Vec3 centre = ball.centre();
+    Real farthest = 0, extent = 0;
+    for (const Vec3& x : points) {
+      Real squared = 0, from_middle = 0;
+      for (int c = 0; c < 3; ++c) {
+        squared += (Real{x[c]} - centre[c]) * (Real{x[c]} - centre[c]);
+        from_middle = std::max(from_middle, std::fabs(Real{x[c]} - middle[c]));
+      }
+      farthest = std::max(farthest, std::sqrt(squared));
+      extent = std::max(extent, from_middle);
+    }
+    REQUIRE(farthest <= ball.radius());
+    if (scale > 0x1p-100 && scale < 0x1p100) {
+      // 2^-9 of a number is the rounding of its first 8 bits, 2^-7 of the radius what rounding up adds.
+      const Real moved = std::sqrt(Real{3}) * 0x1p-8 * (std::fabs(middle.maxCoeff()) + std::fabs(middle.minCoeff()) + 2 * size);
+      REQUIRE(ball.radius() <= (1 + 0x1p-6) * (2 * std::sqrt(Real{3}) * extent + moved));
+    }
+  }
+  for (const double far : {1e39, 1e200, 1e308}) {
+    const Vec3 points[2] = {Vec3(far, 0, 0), Vec3(0, -far, 1)};
+    CHECK(PackedBall(points, 2).radius() == kInfinity);
+  }
 }
 
 }  // namespace amps_test

@@ -316,8 +316,12 @@ bool same_slots(const Diagram& one, const Diagram& other) {
     if (one.alive(f) != other.alive(f)) return false;
     if (!one.alive(f)) continue;
     const Diagram::Polygon p = one.polygon(f), q = other.polygon(f);
+    std::vector<Vec3> corners_of_p, corners_of_q;
+    p.list_corners(corners_of_p);
+    q.list_corners(corners_of_q);
     if (p.facet != q.facet || p.site != q.site || p.size != q.size || !std::equal(p.labels, p.labels + p.size, q.labels) ||
-        !std::equal(p.corners, p.corners + p.size, q.corners, [](const Vec3& x, const Vec3& y) { return same_bits(x, y); }) ||
+        !std::equal(corners_of_p.begin(), corners_of_p.end(), corners_of_q.begin(),
+                    [](const Vec3& x, const Vec3& y) { return same_bits(x, y); }) ||
         one.next_of_site(f) != other.next_of_site(f) || one.next_of_facet(f) != other.next_of_facet(f) ||
         one.reach(f) != other.reach(f)) {
       return false;

@@ -2,6 +2,7 @@
 #include "amps/power_diagram.h"
 
 #include "kit/diagrams.h"
+#include "kit/distance.h"
 #include "kit/meshes.h"
 #include "kit/random.h"
 
@@ -35,14 +36,12 @@ struct Model {
   }
   Vec3 corner_of(Index f, int k) const { return mesh.vertices.row(mesh.triangles(f, k)).transpose(); }
 
-  /// Facets that the ball may meet, some of them left out.
+  /// Facets that the ball meets, some of them left out.
   std::vector<Index> random_facets(const Vec3& x, double radius, double share) {
     std::vector<Index> result;
     for (Index f = 0; f < rows(mesh.triangles); ++f) {
       const Vec3 a = corner_of(f, 0), b = corner_of(f, 1), c = corner_of(f, 2);
-      const bool meets =
-          (a.cwiseMin(b).cwiseMin(c) - x).maxCoeff() <= radius && (x - a.cwiseMax(b).cwiseMax(c)).maxCoeff() <= radius;
-      if (meets && rng.uniform() < share) result.push_back(f);
+      if (triangle_distance(exact3(x), exact3(a), exact3(b), exact3(c)) <= radius && rng.uniform() < share) result.push_back(f);
     }
     return result;
   }
@@ -123,7 +122,7 @@ std::string broken_local_law(Model& model, const Diagram& diagram) {
 }
 
 void edit_at_random(Model& model, Index count, double radius, double ratio, double share, int edits, int check_every) {
-  ReachLists lists(rows(model.mesh.triangles));
+  ReachLists lists;
   std::vector<double> xyz, weights;
   const auto random_site = [&] {
     const Vec3 x = model.random_place();

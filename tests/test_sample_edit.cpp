@@ -220,6 +220,7 @@ class Session {
     amps::parallel_for(edits.size(), 1, execution, [&](std::size_t begin, std::size_t end) {
       for (std::size_t k = begin; k < end; ++k) edits[k].edit->carry_out(pending[k]);
     });
+    for (std::size_t k = 0; k < edits.size(); ++k) edits[k].edit->join(pending[k]);
     for (std::size_t k = 0; k < edits.size(); ++k) edits[k].edit->finish(pending[k]);
     const CanonicalDiagram now = canonical(diagram_);
     CHECK(now == rebuilt(mesh_, after));

@@ -759,7 +759,7 @@ TEST_CASE("topology_certificate: facets that are divided differently at an edge 
   for (Index s = 0; s < set.size(); ++s) {
     for (const Index reached : {0, 1}) {
       // All reach both facets, but for s, which reaches one.
-      amps::detail::ReachLists lists(2);
+      amps::detail::ReachLists lists;
       for (Index other = 0; other < set.size(); ++other) {
         lists.add(other, other == s ? std::vector<Index>{reached} : std::vector<Index>{0, 1});
       }
