@@ -64,7 +64,7 @@ TEST_CASE("optimize: sheets nearer than a disk respect each other where copies k
 TEST_CASE("optimize: forced refills and what is undone leave every radius, place and weight as they were") {
   for (const TestSet& set :
        {graded_set("sphere", amps::make_sphere(320), 50, 0.4), graded_set("square", amps::make_square(8), 60, 0.2),
-        graded_set("torus", amps::make_torus(1, 0.4, 48, 20), 120, 0.4)}) {
+        graded_set("torus", amps::make_torus(1, 0.4, 48, 20), 160, 0.4)}) {
     CAPTURE(set.name);
     OptimizeOptions options = options_for(set, 100);
     options.min_angle = 44;
