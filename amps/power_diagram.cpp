@@ -44,7 +44,8 @@ double RestrictedPowerDiagram::Polygon::area() const {
 // Construction
 
 /// Fragments of a run of facets, before they are put together. Their polygons stay where they are.
-struct RestrictedPowerDiagram::Batch {
+class RestrictedPowerDiagram::Batch {
+ public:
   struct Entry {
     Index facet;
     Index owner;  ///< the site; once fragments are numbered, the number of this one
@@ -52,22 +53,53 @@ struct RestrictedPowerDiagram::Batch {
     Index room;  ///< in `polygons`, and later in those of the diagram
     detail::PackedBall ball;
   };
-  std::vector<Entry> entries;
+  /// Memory of the entries of all batches in one piece: given back as that, it serves what follows.
+  struct Arena {
+    std::vector<Entry, detail::UninitializedAllocator<Entry>> entries;
+    std::atomic<std::size_t> used{0};
+    /// Not touched where it is not used.
+    explicit Arena(double expected) : entries(static_cast<std::size_t>(kMost * expected)) {}
+    static constexpr double kMost = 1.25;
+  };
+  struct Entries {
+    Entry *first = nullptr, *last = nullptr;
+    Entry* begin() const { return first; }
+    Entry* end() const { return last; }
+    std::size_t size() const { return static_cast<std::size_t>(last - first); }
+  };
+
+  Entries entries;  ///< once all are there
   detail::PolygonPages polygons;
   detail::WorkCounter* done = nullptr;
   std::size_t told = 0;  ///< entries that have been added to it
 
-  void add(Index facet, Index site, const Clipper& clipper) {
+  /// What add() has listed is all.
+  void finish(std::vector<Entry>& listed, Arena& arena) {
+    const std::size_t at = arena.used.fetch_add(listed.size(), std::memory_order_relaxed), room = arena.entries.size();
+    if (at <= room && listed.size() <= room - at) {
+      entries.first = arena.entries.data() + at;
+      entries.last = std::copy(listed.begin(), listed.end(), entries.first);
+    } else {
+      own.assign(listed.begin(), listed.end());
+      entries = {own.data(), own.data() + own.size()};
+    }
+    listed.clear();
+  }
+
+  void add(Index facet, Index site, const Clipper& clipper, std::vector<Entry>& listed) {
     constexpr std::size_t kFragmentsPerLook = 512;
-    if (entries.size() - told >= kFragmentsPerLook) {
-      done->add(entries.size() - told);
-      told = entries.size();
+    if (listed.size() - told >= kFragmentsPerLook) {
+      done->add(listed.size() - told);
+      told = listed.size();
     }
     const Index size = clipper.size(), room = polygons.allocate(size);
     std::copy_n(clipper.corners(), size, polygons.corners(room));
     std::copy(clipper.labels().begin(), clipper.labels().end(), polygons.labels(room));
-    entries.push_back({facet, site, size, room, clipper.ball()});
+    listed.push_back({facet, site, size, room, clipper.ball()});
   }
+
+ private:
+  std::vector<Entry> own;  ///< where the arena has no room
 };
 
 /// What finding the fragments of a facet needs.
@@ -324,6 +356,7 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
   constexpr double kFragmentsPerBatch = 4096;
   const auto facets_per_batch = static_cast<std::size_t>(
       std::min(std::max(1.0, static_cast<double>(num_facets) * kFragmentsPerBatch / fragments), kFragmentsPerBatch));
+  Batch::Arena arena(fragments);
   std::vector<Batch> batches((num_facets + facets_per_batch - 1) / facets_per_batch);
   {
     const PlaneTable planes = all_planes(execution.part(0, 0.2));
@@ -336,11 +369,8 @@ void RestrictedPowerDiagram::build(const Execution& execution) {
       const auto scratch = pool.lend([this] { return std::make_unique<FloodScratch>(*this); });
       Batch& batch = batches[begin / facets_per_batch];
       batch.done = &done;
-      batch.entries.swap(scratch->entries);
       clip_facets(begin, end, owner, planes, *scratch, batch);
-      batch.entries.swap(scratch->entries);
-      batch.entries.assign(scratch->entries.begin(), scratch->entries.end());  // in a room of just their number
-      scratch->entries.clear();
+      batch.finish(scratch->entries, arena);
     });
   }
   assemble(batches, execution.part(0.85, 1));
@@ -355,7 +385,7 @@ void RestrictedPowerDiagram::clip_facets(std::size_t begin, std::size_t end, Cor
     const std::array<Index, 3> owners = corner_owners(facet, owner, planes, scratch.near);
     if (owners[0] == owners[1] && owners[0] == owners[2]) {
       scratch.clipper.start(owners[0]);  // power cells are convex: the whole facet lies in this one
-      batch.add(facet, owners[0], scratch.clipper);
+      batch.add(facet, owners[0], scratch.clipper, scratch.entries);
     } else {
       flood_facet(facet, owners[0], planes, scratch, batch);
     }
@@ -389,10 +419,7 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   fragments_.reserve(detail::room_for_more(num_fragments));
   fragments_.resize(num_fragments);
   detail::for_each_piece_on_all_threads(batches.size(), 1, execution.part(0.3, 0.9), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      make_records(batches[k]);
-      batches[k] = Batch();
-    }
+    for (std::size_t k = begin; k < end; ++k) make_records(batches[k]);
   });
   reach_.reserve(detail::room_for_more(slot(num_sites())));
   reach_.resize(slot(num_sites()));
@@ -543,7 +570,7 @@ void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTa
     clipper.start(s);
     clipper.clip_all(planes.begin(s), planes.end(s));
     AMPS_ASSERT(!clipper.empty());
-    batch.add(facet, s, clipper);
+    batch.add(facet, s, clipper, scratch.entries);
     for (const Index label : clipper.labels()) {
       if (is_site(label) && last_seen[slot(label)] != facet) {
         last_seen[slot(label)] = facet;

@@ -337,7 +337,7 @@ class RestrictedPowerDiagram {
   using CornerOwners = std::vector<std::atomic<Index>>;  ///< by vertex of the mesh; kNone: not known yet
 
   class Clipper;
-  struct Batch;
+  class Batch;
   struct FloodScratch;
   struct SiteOrder;
 
