@@ -234,7 +234,7 @@ class CountEditor {
     for (std::size_t k = 0; k < change.affected.size(); ++k) {
       const Index s = change.affected[k];
       stars_.energy[slot(s)] = new_stars_.energy[k];
-      stars_.star[slot(s)] = new_stars_.star[k];
+      stars_.star.set(slot(s), new_stars_.star[k]);
       if (energy_change_ > kMinGain) touched_.push_back(s);
     }
     if (is_costly_) costly_.push_back(std::move(change));
@@ -426,7 +426,8 @@ class CountEditor {
   const std::unique_ptr<DiskSet> balls_;
   EditableSamples samples_;
   StarReader reader_;
-  DualStars stars_, new_stars_;  ///< up to date between edits; of samples affected by the present edit
+  DualStars stars_;          ///< up to date between edits
+  AffectedStars new_stars_;  ///< of the present edit
   RefillFinder finder_;
   std::unique_ptr<GapFiller> filler_;
   TopologyChecker::Scratch topology_scratch_;

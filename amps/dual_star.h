@@ -139,18 +139,98 @@ class StarReader {
   int num_neighbors_ = 0;
 };
 
+/// A star that somebody else keeps, until that changes.
+struct StarView {
+  const Index* ring;  ///< cyclic
+  int size;           ///< 0: not a disk, or too large
+  bool repeats;       ///< the cell meets two others more than once
+
+  StarView(const Index* its_ring, int its_size, bool its_repeats) : ring(its_ring), size(its_size), repeats(its_repeats) {}
+  StarView(const DualStar& star) : StarView(star.ring.data(), star.size, star.repeats) {}
+};
+
+/// Stars by sample, in 40 bytes each where they have up to nine neighbours, as nearly all have. Const members may be called
+/// concurrently, as may set_small() for different samples.
+class StarTable {
+ public:
+  std::size_t size() const { return stars_.size(); }
+  void reserve(std::size_t samples) { stars_.reserve(samples); }
+  void resize(std::size_t samples) {
+    // Mostly it grows by little.
+    if (samples > stars_.capacity()) stars_.reserve(samples + samples / 8);
+    stars_.resize(samples);
+  }
+
+  StarView operator[](std::size_t s) const {
+    const Small& star = stars_[s];
+    return star.size == kLarge ? StarView(large_[slot(star.ring[0])]) : StarView(star.ring.data(), star.size, star.repeats);
+  }
+  void set(std::size_t s, const StarView& star) {
+    Small& old = stars_[s];
+    if (old.size == kLarge) free_.push_back(old.ring[0]);
+    if (set_small(s, star)) return;
+    if (free_.empty()) {
+      free_.push_back(static_cast<Index>(large_.size()));
+      large_.emplace_back();
+    }
+    old.size = kLarge;
+    old.ring[0] = free_.back();
+    free_.pop_back();
+    DualStar& kept = large_[slot(old.ring[0])];
+    std::copy_n(star.ring, star.size, kept.ring.begin());
+    kept.size = static_cast<std::int8_t>(star.size);
+    kept.repeats = star.repeats;
+  }
+  /// False, and the star is empty, if this one is larger. The one before was not.
+  bool set_small(std::size_t s, const StarView& star) {
+    Small& kept = stars_[s];
+    const bool fits = star.size <= kSmallSize;
+    kept.size = static_cast<std::int8_t>(fits ? star.size : 0);
+    kept.repeats = star.repeats;
+    std::copy_n(star.ring, kept.size, kept.ring.begin());
+    return fits;
+  }
+
+ private:
+  static constexpr int kSmallSize = 9;
+  static constexpr std::int8_t kLarge = -1;
+
+  struct Small {
+    std::array<Index, kSmallSize> ring{};  ///< or where it is in large_
+    std::int8_t size = 0;
+    bool repeats = false;
+  };
+
+  std::vector<Small> stars_;
+  std::vector<DualStar> large_;
+  std::vector<Index> free_;  ///< of large_, not used
+};
+
 /// Stars and energies by sample, as they were last read. Energies of all samples sum to that of the triangulation.
 struct DualStars {
-  std::vector<DualStar> star;
+  StarTable star;
   std::vector<double> energy;
 
-  /// Never by much: a star has 100 bytes.
   void resize(std::size_t samples) {
-    if (samples > star.capacity()) star.reserve(samples + samples / 8);
     star.resize(samples);
     energy.resize(samples);
   }
-  void read(StarReader& reader, Index s) { energy[slot(s)] = reader.energy(s, star[slot(s)]); }
+  void read(StarReader& reader, Index s) {
+    DualStar fresh;
+    energy[slot(s)] = reader.energy(s, fresh);
+    star.set(slot(s), fresh);
+  }
+};
+
+/// The same of the samples that an edit affects, by their place among these.
+struct AffectedStars {
+  std::vector<DualStar> star;
+  std::vector<double> energy;
+
+  void resize(std::size_t samples) {
+    star.resize(samples);
+    energy.resize(samples);
+  }
 };
 
 /// The least and the greatest of angles; kept as cosines.

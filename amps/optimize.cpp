@@ -126,14 +126,20 @@ struct OptimizeState {
     stars.resize(n);
     seen.reserve(n + n / kSamplesPerRoom);
     seen.resize(n);
+    std::vector<std::vector<std::pair<std::size_t, DualStar>>> large((n + kStarsPerTask - 1) / kStarsPerTask);
     for_each_piece_on_all_threads(n, kStarsPerTask, execution.part(0.3, 1), [&](std::size_t begin, std::size_t end) {
       StarReader own(diagram, rating, num_fixed);
+      DualStar star;
       for (std::size_t s = begin; s < end; ++s) {
-        stars.read(own, static_cast<Index>(s));
-        seen.star[s] = stars.star[s];
+        stars.energy[s] = own.energy(static_cast<Index>(s), star);
+        if (!stars.star.set_small(s, star)) large[begin / kStarsPerTask].emplace_back(s, star);
         seen.site[s] = diagram.site(static_cast<Index>(s));
       }
     });
+    for (const auto& of_piece : large) {
+      for (const auto& [s, star] : of_piece) stars.star.set(s, star);
+    }
+    seen.star = stars.star;
   }
   OptimizeState(const OptimizeState&) = delete;
 
@@ -159,7 +165,7 @@ struct OptimizeState {
       if (s != kNone && (!samples.alive(s) || !(stars.energy[slot(s)] > 0))) return false;
     }
     if (item.is_vertex()) return true;
-    const DualStar& star = stars.star[slot(item.a)];
+    const StarView star = stars.star[slot(item.a)];
     for (int k = 0; k < star.size; ++k) {
       const Index p = star.ring[static_cast<std::size_t>(k)], q = star.ring[static_cast<std::size_t>((k + 1) % star.size)];
       if ((p == item.b && q == item.c) || (p == item.c && q == item.b)) return true;
@@ -172,7 +178,7 @@ struct OptimizeState {
     seen.resize(slot(samples.size()));
     for (const Index s : unseen) {
       if (!samples.alive(s)) continue;
-      seen.star[slot(s)] = stars.star[slot(s)];
+      seen.star.set(slot(s), stars.star[slot(s)]);
       seen.site[slot(s)] = diagram.site(s);
     }
     unseen.clear();
@@ -185,7 +191,7 @@ struct OptimizeState {
 AngleRange angles_of_all(OptimizeState& state, const Execution& execution) {
   AngleRange range;
   const EditableSamples& samples = state.samples;
-  const std::vector<DualStar>& stars = state.stars.star;
+  const StarTable& stars = state.stars.star;
   const auto add = [&](Index a, Index b, Index c) {
     range.add(samples[a].position(), samples[b].position(), samples[c].position());
   };
@@ -193,7 +199,7 @@ AngleRange angles_of_all(OptimizeState& state, const Execution& execution) {
   for (Index s = 0; s < samples.size(); ++s) {
     ticker.tick();
     if (!samples.alive(s)) continue;
-    const DualStar& star = stars[slot(s)];
+    const StarView star = stars[slot(s)];
     for (int k = 0; k < star.size; ++k) {
       const Index a = star.ring[static_cast<std::size_t>(k)], b = star.ring[static_cast<std::size_t>((k + 1) % star.size)];
       const bool once = s < std::min(a, b) || stars[slot(a)].size == 0 || stars[slot(b)].size == 0;
@@ -403,7 +409,7 @@ class Refiller {
 
   /// What an edit makes of the samples it affects.
   struct EditRating {
-    DualStars stars;
+    AffectedStars stars;
     double energy_change = 0;
   };
 
@@ -478,12 +484,12 @@ class Refiller {
   /// Is the dual of the same topology after the edit, of which the samples affected have these stars? Where disks of triangles
   /// around samples away from curves, met once each, are replaced by such, their sum of 6 less the valence says so: six times
   /// the Euler characteristic. All else the certificate decides, at five times the cost.
-  bool keeps_topology(SampleEdit& edit, const DualStars& stars) {
+  bool keeps_topology(SampleEdit& edit, const AffectedStars& stars) {
     if (state_.topology == nullptr) return true;
     const std::vector<Index>& affected = edit.affected();
     bool all_disks = true;
     int change = 0;
-    const auto add = [&](Index s, const DualStar& star, int sign) {
+    const auto add = [&](Index s, const StarView& star, int sign) {
       all_disks = all_disks && star.size > 0 && !star.repeats && s >= state_.num_fixed;
       change += sign * (6 - star.size);
     };
@@ -508,7 +514,7 @@ class Refiller {
       changed_at_[s] = time_;
       copies_mislead_[s] = 0;
       state_.stars.energy[s] = rating.stars.energy[k];
-      state_.stars.star[s] = rating.stars.star[k];
+      state_.stars.star.set(s, rating.stars.star[k]);
     }
     energy_change_of_all_ += rating.energy_change;
     if (series_ == nullptr) return;

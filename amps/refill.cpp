@@ -116,7 +116,7 @@ std::size_t RefillFinder::corners_to_move(const BadItem& item, Rng& rng, std::ar
   constexpr int kDraws = 12;
   for (int draw = 0; draw < kDraws && count < corner.size(); ++draw) {
     const Index at = item.is_vertex() ? item.a : std::array<Index, 3>{item.a, item.b, item.c}[rng.below(3)];
-    const DualStar& star = stars_.star[slot(at)];
+    const StarView star = stars_.star[slot(at)];
     if (star.size == 0) continue;
     const Index s = star.ring[rng.below(static_cast<std::uint64_t>(star.size))];
     const auto end = corner.begin() + static_cast<std::ptrdiff_t>(count);
@@ -126,7 +126,7 @@ std::size_t RefillFinder::corners_to_move(const BadItem& item, Rng& rng, std::ar
 }
 
 void RefillFinder::add_random_neighbor(RefillPlan::Patch& patch, Rng& rng) const {
-  const DualStar& star = stars_.star[slot(patch.removed[rng.below(patch.size)])];
+  const StarView star = stars_.star[slot(patch.removed[rng.below(patch.size)])];
   if (star.size == 0) return;
   const Index s = star.ring[rng.below(static_cast<std::uint64_t>(star.size))];
   if (s >= num_fixed_ && !patch.has(s) && patch.size < RefillPlan::kMaxPatchSize) patch.add(s);
@@ -201,7 +201,7 @@ bool RefillFinder::copy_patch() {
   ids_.clear();
   for (const Index s : removed_) local(s);
   for (const Index s : removed_) {
-    const DualStar& around = star(s);
+    const StarView around = star(s);
     if (around.size == 0) return false;
     for (int k = 0; k < around.size; ++k) {
       if (local(around.ring[static_cast<std::size_t>(k)]) < 0) return false;
@@ -209,7 +209,7 @@ bool RefillFinder::copy_patch() {
   }
   const std::size_t inner = ids_.size();
   for (std::size_t v = 0; v < inner; ++v) {
-    const DualStar around = star(ids_[v]);
+    const StarView around = star(ids_[v]);
     if (around.size == 0) return false;
     int before = local(around.ring[static_cast<std::size_t>(around.size - 1)]);
     for (int k = 0; k < around.size; ++k) {

@@ -35,7 +35,7 @@ struct Proposal {
 
 /// Stars and sites by sample as they were at some time, for finders to look at while those of the diagram change.
 struct SeenSamples {
-  std::vector<DualStar> star;
+  StarTable star;
   std::vector<WeightedPoint> site;
 
   void resize(std::size_t samples) {
@@ -152,7 +152,7 @@ class RefillFinder {
   bool try_patch(const RefillPlan& plan, const RefillPlan::Patch& patch, Rng& rng);
   bool copy_patch();
   int local(Index s);
-  const DualStar& star(Index s) const { return seen_ != nullptr ? seen_->star[slot(s)] : stars_.star[slot(s)]; }
+  StarView star(Index s) const { return seen_ != nullptr ? seen_->star[slot(s)] : stars_.star[slot(s)]; }
   const WeightedPoint& site(Index s) const { return seen_ != nullptr ? seen_->site[slot(s)] : diagram_.site(s); }
   void list_pieces(const RefillPlan& plan);
   std::size_t piece_at(double area) const;

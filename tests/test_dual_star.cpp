@@ -228,4 +228,34 @@ TEST_CASE("dual_star: no triangle has no angles") {
   CHECK(none.max_angle() == 0);
 }
 
+TEST_CASE("dual_star: a table gives back the stars it was given last, small ones and large ones") {
+  Rng rng(5);
+  amps::detail::StarTable table;
+  std::vector<DualStar> expected;
+  for (int round = 0; round < 4000; ++round) {
+    if (rng.below(8) == 0) {
+      expected.resize(expected.size() + rng.below(5));
+      table.resize(expected.size());
+    }
+    if (expected.empty()) continue;
+    const std::size_t s = rng.below(expected.size());
+    DualStar star;
+    star.size = static_cast<std::int8_t>(rng.below(DualStar::kMaxSize + 1));
+    star.repeats = rng.below(2) == 0;
+    for (int k = 0; k < star.size; ++k) star.ring[at(k)] = static_cast<Index>(rng.below(1000));
+    const bool small = expected[s].size <= 9 && table.set_small(s, star);
+    if (!small) table.set(s, star);
+    expected[s] = star;
+    const amps::detail::StarTable copy = table;
+    for (std::size_t k = 0; k < expected.size(); k += 1 + expected.size() / 20) {
+      for (const auto& view : {table[k], copy[k]}) {
+        REQUIRE(view.size == expected[k].size);
+        CHECK(view.repeats == expected[k].repeats);
+        CHECK(std::equal(view.ring, view.ring + view.size, expected[k].ring.begin()));
+      }
+    }
+  }
+  CHECK(table.size() == expected.size());
+}
+
 }  // namespace amps_test

@@ -48,7 +48,7 @@ struct Scene {
     seen.resize(at(samples.size()));
     for (Index s = 0; s < samples.size(); ++s) {
       stars.read(reader, s);
-      seen.star[at(s)] = stars.star[at(s)];
+      seen.star.set(at(s), stars.star[at(s)]);
       seen.site[at(s)] = diagram.site(s);
       reader.list_bad(s, items);
     }
@@ -94,7 +94,7 @@ TEST_CASE("refill: what was planned is proposed whatever has become of the diagr
     for (Index s = 8; s < scene.samples.size(); ++s) gone.push_back(s);
     amps::detail::SampleEdit edit(scene.samples, gone);
     edit.take_out();
-    for (amps::detail::DualStar& star : scene.stars.star) star.size = 0;
+    for (Index s = 0; s < scene.samples.size(); ++s) scene.stars.star.set(at(s), amps::detail::DualStar());
     RefillFinder finder = scene.finder();
     finder.look_at(scene.seen);
     for (std::size_t k = 0; k < plans.size(); ++k) CHECK(same_proposal(finder.find(plans[k], rngs[k]), expected[k]));
