@@ -1,6 +1,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/darts.h"
 
+#include "amps/sizing_lattice.h"
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -51,13 +53,6 @@ AliasTable::AliasTable(const std::vector<double>& weights, const Execution& exec
   for (const auto* left : {&heavy, &light}) {
     for (const Index i : *left) entries_[static_cast<std::size_t>(i)] = {1, i};
   }
-}
-
-Index AliasTable::pick(Rng& rng) const noexcept {
-  // Fewer than 2^31 columns: uniform() favours none of them by more than 2^-22 of its share, and n·uniform() < n.
-  const auto column = static_cast<std::size_t>(rng.uniform() * static_cast<double>(entries_.size()));
-  const Entry& entry = entries_[column];
-  return rng.uniform() < entry.keep ? static_cast<Index>(column) : entry.alias;
 }
 
 namespace {
@@ -162,9 +157,8 @@ namespace {
 
 std::vector<double> dart_weights(const WantedRadii& radii, const Execution& execution) {
   std::vector<double> result(radii.field().num_pieces());
-  for_each_piece(result.size(), kElementsPerLook, execution, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) result[i] = radii.field().density_integral(i);
-  });
+  for_each_index_on_all_threads(result.size(), execution,
+                                [&](std::size_t i) { result[i] = radii.field().density_integral(i); });
   return result;
 }
 
@@ -185,17 +179,62 @@ int SurfaceDarts::draws_per_dart() const {
   return radii_.constant() ? kOfTable + kOfTriangle : 0;
 }
 
-Sample SurfaceDarts::draw(Rng& rng) const {
-  const Index drawn = table_.pick(rng);
+void SurfaceDarts::draw(Rng& rng, std::size_t count, Sample* darts, Rng* after) const {
+  draft(rng, count, darts, after);
+  finish(count, darts);
+}
+
+void SurfaceDarts::draft(Rng& rng, std::size_t count, Sample* darts, Rng* after) const {
+  std::array<AliasTable::Throw, kMostAtOnce> thrown;
   if (radii_.constant()) {
-    const SurfacePoint at = surface_point_at(mesh_, drawn, uniform_barycentric(rng));
-    return {at, radii_.at(at)};
+    for (std::size_t k = 0; k < count; ++k) {
+      thrown[k] = table_.throw_at(rng);
+      darts[k].at.barycentric = uniform_barycentric(rng);
+      after[k] = rng;
+    }
+    for (std::size_t k = 0; k < count; ++k) darts[k].at.facet = table_.pick(thrown[k]);
+    return;
   }
-  const SizingField::Piece piece = radii_.field().piece(static_cast<std::size_t>(drawn));
-  const Vec3 b = density_barycentric(piece.radii, rng);
-  const SurfacePoint at =
-      surface_point_at(mesh_, piece.facet, b[0] * piece.corners[0] + b[1] * piece.corners[1] + b[2] * piece.corners[2]);
-  return {at, radii_.at(at)};
+  // How many random numbers a dart takes depends on what it reads. Mostly it is so many: what they would read is fetched.
+  constexpr int kOfTriangle = 3;
+  const SizingField& field = radii_.field();
+  Rng guess = rng;
+  for (std::size_t k = 0; k < count; ++k) {
+    thrown[k] = table_.throw_at(guess);
+    for (int i = 0; i < kOfTriangle; ++i) guess.next();
+  }
+  for (std::size_t k = 0; k < count; ++k) SizingFieldAccess::prefetch_piece(field, table_.pick(thrown[k]));
+  for (std::size_t k = 0; k < count; ++k) {
+    darts[k].at.facet = table_.pick(rng);
+    darts[k].at.barycentric = density_barycentric(field.piece(slot(darts[k].at.facet)).radii, rng);
+    after[k] = rng;
+  }
+}
+
+void SurfaceDarts::finish(std::size_t count, Sample* darts) const {
+  if (!radii_.constant()) {
+    for (std::size_t k = 0; k < count; ++k) {
+      const SizingField::Piece piece = radii_.field().piece(slot(darts[k].at.facet));
+      const Vec3& b = darts[k].at.barycentric;
+      darts[k].at.barycentric = b[0] * piece.corners[0] + b[1] * piece.corners[1] + b[2] * piece.corners[2];
+      darts[k].at.facet = piece.facet;
+    }
+  }
+  for (std::size_t k = 0; k < count; ++k) prefetch(mesh_.triangles.address(darts[k].at.facet));
+  for (std::size_t k = 0; k < count; ++k) {
+    for (int c = 0; c < 3; ++c) prefetch(mesh_.vertices.address(mesh_.triangles(darts[k].at.facet, c)));
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    darts[k].at = surface_point_at(mesh_, darts[k].at.facet, darts[k].at.barycentric);
+    darts[k].radius = radii_.at(darts[k].at);
+  }
+}
+
+Sample SurfaceDarts::draw(Rng& rng) const {
+  Sample dart;
+  Rng after = rng;
+  draw(rng, 1, &dart, &after);
+  return dart;
 }
 
 }  // namespace amps::detail

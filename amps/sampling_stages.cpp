@@ -22,11 +22,10 @@ namespace {
 
 /// Darts drawn at a time, whatever becomes of the first of them: the voxels they will look at are on their way from memory
 /// meanwhile. A third of the time of a large set.
-constexpr std::size_t kDartsAhead = 16;
-/// On several threads so many are drawn and tested at a time, in pieces, once there were so many darts for each sample.
+constexpr std::size_t kDartsAhead = SurfaceDarts::kMostAtOnce;
+/// On several threads so many are drawn and tested at a time, in pieces, once there are more samples.
 constexpr std::size_t kDartsTogether = 4096;
 constexpr std::size_t kDartsPerPiece = 256;
-constexpr std::uint64_t kDartsWorthTogether = 2;
 
 /// How many darts it takes. The chance that the disk of a dart is free falls with the power −3/2 of their number (Feder,
 /// "Random sequential adsorption", J. Theor. Biol. 1980), and k rejections in a row are due when it is about ln(n)/k. The
@@ -36,40 +35,52 @@ double expected_darts(double samples, int max_rejections) {
   return samples * std::max(1.0, per_sample);
 }
 
-struct ThrownDart {
-  Sample sample;
-  Rng after;  ///< the generator once this dart was drawn
-  bool conflicts = false;
+/// The next darts.
+struct ThrownDarts {
+  std::vector<Sample> samples;
+  std::vector<Rng> after;       ///< the generator once the dart was drawn
+  std::vector<char> conflicts;  ///< with samples that were there when it was drawn; where darts are thrown together
+
+  void resize(std::size_t n, const Rng& rng) {
+    samples.resize(n);
+    after.resize(n, rng);
+    conflicts.resize(n, 0);
+  }
+  std::size_t size() const { return samples.size(); }
 };
 
 bool conflicts_with_set(const SamplingTask& task, const Sample& dart) {
   return task.disks->grid().conflicting_sample(dart.position(), dart.radius, task.radii.rule()) != kNone;
 }
 
+/// Starts to fetch what tests of these darts will look at.
+void prefetch_surroundings(const VoxelGrid& grid, const Sample* darts, std::size_t count) {
+  for (std::size_t k = 0; k < count; ++k) grid.prefetch_voxel(darts[k].position(), darts[k].radius);
+  for (std::size_t k = 0; k < count; ++k) grid.prefetch_samples(darts[k].position(), darts[k].radius);
+}
+
 /// Draws the next darts, and tests them against the samples that are there by now.
-void throw_together(const SamplingTask& task, const SurfaceDarts& darts, Rng& rng, std::vector<ThrownDart>& thrown,
+void throw_together(const SamplingTask& task, const SurfaceDarts& darts, Rng& rng, ThrownDarts& thrown,
                     const Execution& execution) {
-  const VoxelGrid& grid = task.disks->grid();
+  static_assert(kDartsPerPiece % kDartsAhead == 0, "pieces are drawn in full");
   const int draws = darts.draws_per_dart();
   std::vector<Rng> at_begin_of_piece;
-  for (std::size_t k = 0; k < thrown.size(); ++k) {
+  for (std::size_t k = 0; k < thrown.size(); k += kDartsAhead) {
     if (draws == 0) {
-      thrown[k] = {darts.draw(rng), rng};
+      darts.draft(rng, kDartsAhead, &thrown.samples[k], &thrown.after[k]);
       continue;
     }
     if (k % kDartsPerPiece == 0) at_begin_of_piece.push_back(rng);
-    for (int i = 0; i < draws; ++i) rng.next();
+    for (std::size_t i = 0; i < static_cast<std::size_t>(draws) * kDartsAhead; ++i) rng.next();
   }
   parallel_for(thrown.size(), kDartsPerPiece, execution, [&](std::size_t begin, std::size_t end) {
     Rng own = draws > 0 ? at_begin_of_piece[begin / kDartsPerPiece] : rng;
     for (std::size_t first = begin; first < end; first += kDartsAhead) {
-      const std::size_t last = std::min(end, first + kDartsAhead);
-      for (std::size_t k = first; k < last; ++k) {
-        if (draws > 0) thrown[k] = {darts.draw(own), own};
-        grid.prefetch_voxel(thrown[k].sample.position(), thrown[k].sample.radius);
-      }
-      for (std::size_t k = first; k < last; ++k) grid.prefetch_samples(thrown[k].sample.position(), thrown[k].sample.radius);
-      for (std::size_t k = first; k < last; ++k) thrown[k].conflicts = conflicts_with_set(task, thrown[k].sample);
+      if (draws > 0) darts.draft(own, kDartsAhead, &thrown.samples[first], &thrown.after[first]);
+      darts.finish(kDartsAhead, &thrown.samples[first]);
+      prefetch_surroundings(task.disks->grid(), &thrown.samples[first], kDartsAhead);
+      for (std::size_t k = first; k < first + kDartsAhead; ++k)
+        thrown.conflicts[k] = conflicts_with_set(task, thrown.samples[k]) ? 1 : 0;
     }
   });
 }
@@ -77,42 +88,39 @@ void throw_together(const SamplingTask& task, const SurfaceDarts& darts, Rng& rn
 /// Throws darts until enough in a row are rejected. On several threads the same, since which darts become samples is decided
 /// one after another: those together that conflict with a sample that was there before are known, and there are few others.
 void throw_all(SamplingTask& task, const SurfaceDarts& darts, double expected, const Execution& execution) {
-  const VoxelGrid& grid = task.disks->grid();
   Rng rng = task.rng;
-  std::vector<ThrownDart> thrown(kDartsAhead, ThrownDart{{}, rng});
+  ThrownDarts thrown;
+  thrown.resize(kDartsAhead, rng);
   bool together = false;
   for (int rejections = 0;;) {
     if (together) {
       throw_together(task, darts, rng, thrown, execution);
     } else {
-      for (ThrownDart& next : thrown) {
-        next = {darts.draw(rng), rng};
-        grid.prefetch_voxel(next.sample.position(), next.sample.radius);
-      }
-      for (const ThrownDart& next : thrown) grid.prefetch_samples(next.sample.position(), next.sample.radius);
+      darts.draw(rng, kDartsAhead, thrown.samples.data(), thrown.after.data());
+      prefetch_surroundings(task.disks->grid(), thrown.samples.data(), kDartsAhead);
     }
     const Index before = task.set.size();
-    for (const ThrownDart& next : thrown) {
-      const bool known = together && (next.conflicts || task.set.size() == before);
-      if (known ? next.conflicts : conflicts_with_set(task, next.sample)) {
+    for (std::size_t k = 0; k < thrown.size(); ++k) {
+      const Sample& dart = thrown.samples[k];
+      const bool conflicts = thrown.conflicts[k] != 0, known = together && (conflicts || task.set.size() == before);
+      if (known ? conflicts : conflicts_with_set(task, dart)) {
         ++rejections;
       } else {
         rejections = 0;
-        task.add_dart(next.sample);
+        task.add_dart(dart);
       }
       const bool goes_on = ++task.report.darts % kDartsPerReport != 0 || completes([&] {
         execution.report(std::min(1.0, static_cast<double>(task.report.darts) / expected));
       });
       if (!goes_on) task.status = Outcome::kCancelled;
       if (!goes_on || rejections >= task.options.max_rejections) {
-        task.rng = next.after;
+        task.rng = thrown.after[k];
         return;
       }
     }
     if (together || execution.workers() == 1) continue;
-    const std::uint64_t samples = slot(task.set.size());
-    together = samples > kDartsTogether && task.report.darts > kDartsWorthTogether * samples;
-    if (together) thrown.resize(kDartsTogether, thrown.front());
+    together = slot(task.set.size()) > kDartsTogether;
+    if (together) thrown.resize(kDartsTogether, rng);
   }
 }
 

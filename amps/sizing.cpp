@@ -84,6 +84,12 @@ SizingField::Piece SizingField::scaled_piece(std::size_t i) const {
   Piece result;
   result.facet = lattice_->simple() ? static_cast<Index>(i) : lattice_->piece_facet[i];
   const Index k = lattice_->k(result.facet);
+  if (k == 1) {
+    const double* const nodes = nodes_->data() + lattice_->node(result.facet);
+    result.corners = {Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()};
+    result.radii = {nodes[0], nodes[1], nodes[2]};
+    return result;
+  }
   const detail::LatticeTriangle triangle = detail::nth_lattice_triangle(k, i - lattice_->piece(result.facet));
   for (std::size_t c = 0; c < 3; ++c) {
     const auto [x, y] = triangle.corner[c];

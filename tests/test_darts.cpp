@@ -135,6 +135,54 @@ TEST_CASE("darts: where one radius is wanted, each takes as many random numbers 
   CHECK(amps::detail::SurfaceDarts(mesh, {}, graded).draws_per_dart() == 0);
 }
 
+TEST_CASE("darts: drawn many at a time, or in halves, they are those drawn one by one") {
+  using amps::detail::Sample;
+  const amps::Mesh torus = amps::make_torus(1.0, 0.4, 30, 15);
+  const amps::MeshView mesh(torus);
+  const std::vector<double> areas = amps::facet_areas(mesh);
+  std::vector<double> at_vertices;
+  for (amps::Index v = 0; v < mesh.num_vertices(); ++v) at_vertices.push_back(0.1 + 0.09 * std::fabs(mesh.vertices[v][0]));
+  const amps::SizingField simple = amps::vertex_sizing(mesh, at_vertices);
+  // Fine near one point: facets have lattices of several pieces.
+  const amps::SizingField fine =
+      amps::function_sizing(mesh, [](const amps::SurfacePoint& x) { return 0.001 + (x.position - Vec3(1, 0, 0.3)).norm(); });
+  REQUIRE(simple.num_pieces() == static_cast<std::size_t>(mesh.num_facets()));
+  REQUIRE(fine.num_pieces() > simple.num_pieces());
+  using Radii = amps::detail::WantedRadii;
+  const auto rule = amps::ConflictRule::kMax;
+  for (const Radii& radii : {Radii(0.1, rule), Radii(simple, rule), Radii(fine, rule)}) {
+    const amps::detail::SurfaceDarts darts(mesh, areas, radii);
+    Rng one(11), many(11), halves(11);
+    std::array<Sample, 16> of_many, of_halves;
+    std::vector<Rng> after(16, many), after_halves(16, many);
+    for (std::size_t k = 0; k < 5000; ++k) {
+      const std::size_t at = k % 16;
+      if (at == 0) {
+        darts.draw(many, 16, of_many.data(), after.data());
+        darts.draft(halves, 16, of_halves.data(), after_halves.data());
+        darts.finish(7, of_halves.data());
+        darts.finish(9, of_halves.data() + 7);
+      }
+      const Sample alone = darts.draw(one);
+      for (const Sample* other : {&of_many[at], &of_halves[at]}) {
+        REQUIRE(alone.at.facet == other->at.facet);
+        REQUIRE(alone.at.barycentric == other->at.barycentric);
+        REQUIRE(alone.at.position == other->at.position);
+        REQUIRE(alone.radius == other->radius);
+      }
+      REQUIRE(Rng(one).next() == Rng(after[at]).next());
+      REQUIRE(Rng(one).next() == Rng(after_halves[at]).next());
+      // It lies where it says, and wants what the radii say there.
+      const Vec3& b = alone.at.barycentric;
+      REQUIRE(std::fabs(b.sum() - 1) < 1e-14);
+      const Vec3 x =
+          b[0] * mesh.corner(alone.at.facet, 0) + b[1] * mesh.corner(alone.at.facet, 1) + b[2] * mesh.corner(alone.at.facet, 2);
+      REQUIRE(alone.at.position == x);
+      REQUIRE(alone.radius == radii.at(alone.at));
+    }
+  }
+}
+
 TEST_CASE("darts: three different radii, by moments") {
   // E[r²] = area/∫ρ over radii a < b < c, and E[r³] = area·mean(r)/∫ρ: two moments that need no integral but ∫ρ itself cancels
   // in their quotient, the mean radius (a + b + c)/3.
