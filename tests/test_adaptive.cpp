@@ -137,7 +137,7 @@ TEST_CASE("adaptive: a field that is the same everywhere is a radius, whatever t
   }
 }
 
-TEST_CASE("adaptive: target_count scales the field, within 1 %") {
+TEST_CASE("adaptive: target_count scales the field, within 1 %" * doctest::test_suite("slow")) {
   for (const Mesh& mesh : {amps::make_square(6), amps::make_sphere(1280), amps::make_knot()}) {
     for (const double ratio : {4.0, 16.0, 1000.0}) {
       for (const Index count : {50, 200, 1000, 5000}) {

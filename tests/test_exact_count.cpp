@@ -258,7 +258,8 @@ TEST_CASE("exact count: what cannot be met costs nothing") {
   }
 }
 
-TEST_CASE("exact count: remesh has as many vertices as asked for, the topology of the surface, and angles as before") {
+TEST_CASE("exact count: remesh has as many vertices as asked for, the topology of the surface, and angles as before" *
+          doctest::test_suite("slow")) {
   std::vector<std::pair<std::string, Mesh>> meshes = {
       {"sphere", amps::make_sphere(1280)},
       {"torus", amps::make_torus()},

@@ -390,7 +390,7 @@ TEST_CASE("fit: the same bits on any threads and at any power of two; no fit cha
   CHECK(report.moved == 0);
 }
 
-TEST_CASE("fit: in remesh, vertices of the mesh move and nothing else does") {
+TEST_CASE("fit: in remesh, vertices of the mesh move and nothing else does" * doctest::test_suite("slow")) {
   const std::vector<std::pair<std::string, Mesh>> inputs = {{"half sphere", half_sphere(5000)}, {"cube", amps::make_cube(8)}};
   for (const auto& [name, input] : inputs) {
     CAPTURE(name);

@@ -209,7 +209,7 @@ TEST_CASE("mesh scale: bits of remeshing at 2^k are those at 1, scaled") {
   }
 }
 
-TEST_CASE("mesh scale: bits of sizing fields at 2^k are those at 1, scaled") {
+TEST_CASE("mesh scale: bits of sizing fields at 2^k are those at 1, scaled" * doctest::test_suite("slow")) {
   const Mesh one = at_scale(amps::make_knot(), 0);
   const std::vector<SizingField> fields = [&] {
     amps::CurvatureOptions curvature;
@@ -262,7 +262,7 @@ TEST_CASE("mesh scale: bits of sizing fields at 2^k are those at 1, scaled") {
   }
 }
 
-TEST_CASE("mesh scale: bits of measures and searches at 2^k are those at 1, scaled") {
+TEST_CASE("mesh scale: bits of measures and searches at 2^k are those at 1, scaled" * doctest::test_suite("slow")) {
   const Mesh one = at_scale(amps::make_torus(), 0);
   const Mesh moved_one = at_scale(moved(amps::make_torus(), {0.01, 0.02, 0}), 0);
   const amps::QualityReport quality = amps::quality(one);

@@ -105,7 +105,8 @@ TEST_CASE("optimize: what is good is left alone") {
   CHECK(again.report.trials == 0);
 }
 
-TEST_CASE("optimize: out of reach, it ends when half of its work has brought next to nothing, and not before") {
+TEST_CASE("optimize: out of reach, it ends when half of its work has brought next to nothing, and not before" *
+          doctest::test_suite("slow")) {
   constexpr double kAlways = 200000;  // work that is not measured by what it brings
   int measured = 0, stalled = 0;
   std::vector<TestSet> sets = manifold_sets(500);

@@ -43,7 +43,8 @@ double farthest_of_points(const MeshView& from, const MeshView& to) {
 
 }  // namespace
 
-TEST_CASE("remesh error: the bound holds by an independent measure, and smaller ones take more vertices") {
+TEST_CASE("remesh error: the bound holds by an independent measure, and smaller ones take more vertices" *
+          doctest::test_suite("slow")) {
   const Mesh mesh = amps::make_torus(1, 0.4, 48, 24);
   Index before = 0;
   for (const double percent : {2.0, 0.8}) {
