@@ -256,37 +256,76 @@ class FacetBoxes {
     }
   }
 
-  /// Groups of kArity facets in line.
-  std::size_t num_groups() const { return levels_.size() > 1 ? levels_[1].size() : 0; }
+  /// Parts of the line, some 256 facets each.
+  std::size_t num_parts() const { return levels_[level_of_parts()].size(); }
 
-  /// visit(s, t) for each two facets whose boxes meet and of which the first in line is in this group.
+  /// visit(s, t) for each two facets whose boxes meet and of which the first in line is in this part. What is near a box is
+  /// near to those that it is made of: so they search among the boxes that it has found, not among all.
   template <class Visit>
-  void pairs_of_group(std::size_t group, const Visit& visit) const {
-    search(levels_.size() - 1, 0, group, visit);
+  void pairs_of_part(std::size_t part, const Visit& visit) const {
+    const std::size_t level = level_of_parts();
+    NearBoxes near;
+    find_near(levels_.size() - 1, 0, level, part, near[level].boxes);
+    near[level].count = near[level].boxes.size();
+    search(level, part, near, visit);
   }
 
  private:
-  static constexpr std::size_t kArityBits = 2, kArity = std::size_t{1} << kArityBits;
+  static constexpr std::size_t kArity = 4, kPartLevel = 4;
 
-  template <class Visit>
-  void search(std::size_t level, std::size_t node, std::size_t group, const Visit& visit) const {
-    const std::vector<ClosedBox>& boxes = levels_[--level];
-    const std::size_t begin = kArity * node, end = std::min(begin + kArity, boxes.size());
-    const ClosedBox& around = levels_[1][group];
-    for (std::size_t i = begin; i < end; ++i) {
-      if (!boxes[i].meets(around)) continue;
-      if (level > 0) {
-        if (last_group(level, i) >= group) search(level, i, group, visit);
-        continue;
-      }
-      for (std::size_t first = kArity * group; first < std::min(i, kArity * (group + 1)); ++first) {
-        if (boxes[first].meets(boxes[i])) visit(facets_[first], facets_[i]);
-      }
-    }
+  struct BoxList {
+    std::vector<std::size_t> boxes;  ///< the first `count` of these
+    std::size_t count = 0;
+  };
+  /// By level: boxes that meet one of it, from that on.
+  using NearBoxes = std::array<BoxList, kPartLevel + 1>;
+
+  std::size_t level_of_parts() const { return std::min(kPartLevel, levels_.size() - 1); }
+
+  template <class Body>
+  void for_each_child(std::size_t level, std::size_t node, const Body& body) const {
+    const std::size_t begin = kArity * node, end = std::min(begin + kArity, levels_[level - 1].size());
+    for (std::size_t child = begin; child < end; ++child) body(child);
   }
 
-  /// The group of the last facet in a node; may be beyond the end.
-  static std::size_t last_group(std::size_t level, std::size_t node) { return ((node + 1) << (kArityBits * (level - 1))) - 1; }
+  /// Lists the boxes below `node` that meet that of the part, of its level and from it on.
+  void find_near(std::size_t level, std::size_t node, std::size_t part_level, std::size_t part,
+                 std::vector<std::size_t>& near) const {
+    if (level == part_level) {
+      if (node >= part) near.push_back(node);
+      return;
+    }
+    for_each_child(level, node, [&](std::size_t child) {
+      if (levels_[level - 1][child].meets(levels_[part_level][part])) find_near(level - 1, child, part_level, part, near);
+    });
+  }
+
+  template <class Visit>
+  void search(std::size_t level, std::size_t node, NearBoxes& near, const Visit& visit) const {
+    if (level == 0) {
+      for (std::size_t k = 0; k < near[0].count; ++k) {
+        if (near[0].boxes[k] > node) visit(facets_[node], facets_[near[0].boxes[k]]);
+      }
+      return;
+    }
+    const std::vector<ClosedBox>& boxes = levels_[level - 1];
+    const BoxList& of_node = near[level];
+    BoxList& of_child = near[level - 1];
+    if (of_child.boxes.size() < kArity * of_node.count) of_child.boxes.resize(2 * kArity * of_node.count);
+    for_each_child(level, node, [&](std::size_t child) {
+      const ClosedBox box = boxes[child];
+      std::size_t* const found = of_child.boxes.data();
+      std::size_t count = 0;
+      for (std::size_t k = 0; k < of_node.count; ++k) {
+        for_each_child(level, of_node.boxes[k], [&](std::size_t i) {  // no branch: which it is cannot be predicted
+          found[count] = i;
+          count += (i >= child) & boxes[i].meets(box);
+        });
+      }
+      of_child.count = count;
+      search(level - 1, child, near, visit);
+    });
+  }
 
   std::vector<ComparedFacet> facets_;
   std::vector<std::vector<ClosedBox>> levels_;  ///< of single facets first; the last one has one box
@@ -346,25 +385,20 @@ void require_comparable(const MeshView& mesh, const Execution& run) {
 
 /// Compares each two facets whose boxes meet.
 void compare_facets(const FacetBoxes& boxes, LeastPairs& found, const Execution& run) {
-  constexpr std::size_t kGroupsPerPiece = 64;         // some 0.2 ms
   constexpr std::uint64_t kComparisonsPerLook = 256;  // 50 ms where all have coordinates of 1e±300
   constexpr std::size_t kPairsPerAdding = 4096;
-  detail::WorkCounter counter(run, boxes.num_groups());
-  parallel_for(boxes.num_groups(), kGroupsPerPiece, run, [&](std::size_t begin, std::size_t end) {
+  detail::for_each_piece_on_all_threads(boxes.num_parts(), 1, run, [&](std::size_t part, std::size_t) {
     std::vector<SelfIntersection> pairs;
     std::uint64_t comparisons = 0;
-    for (std::size_t group = begin; group < end; ++group) {
-      boxes.pairs_of_group(group, [&](const ComparedFacet& s, const ComparedFacet& t) {
-        if (++comparisons % kComparisonsPerLook == 0) run.check();
-        if (!facets_intersect(s, t)) return;
-        pairs.push_back({std::min(s.facet, t.facet), std::max(s.facet, t.facet)});
-        if (pairs.size() < kPairsPerAdding) return;
-        found.add(pairs);
-        pairs.clear();
-      });
-    }
+    boxes.pairs_of_part(part, [&](const ComparedFacet& s, const ComparedFacet& t) {
+      if (++comparisons % kComparisonsPerLook == 0) run.check();
+      if (!facets_intersect(s, t)) return;
+      pairs.push_back({std::min(s.facet, t.facet), std::max(s.facet, t.facet)});
+      if (pairs.size() < kPairsPerAdding) return;
+      found.add(pairs);
+      pairs.clear();
+    });
     found.add(pairs);
-    counter.add(end - begin);
   });
 }
 
