@@ -5,6 +5,7 @@
 #include "amps/mesh_scale.h"
 #include "amps/predicates.h"
 #include "amps/spatial_sort.h"
+#include "amps/triangulation.h"
 
 #include <algorithm>
 #include <array>
@@ -41,13 +42,15 @@ Projection best_projection(const Vec3& a, const Vec3& b, const Vec3& c) {
 
 /// A facet that has an area, ready to be compared.
 struct ComparedFacet {
-  std::array<Vec3, 3> corners;
+  std::array<std::array<double, 3>, 3> corners;
   std::array<Index, 3> vertices;  ///< the first mesh vertex with the position of each
   Index facet;
   Projection seen;
 
   const double* corner(int k) const { return corners[static_cast<std::size_t>(k)].data(); }
 };
+
+using ComparedFacets = std::vector<ComparedFacet, detail::UninitializedAllocator<ComparedFacet>>;
 
 /// Corners of two facets by their place in them, those that they share first and in the same order.
 struct CommonCorners {
@@ -231,69 +234,106 @@ class LeastPairs {
 /// of these boxes, and so on.
 class FacetBoxes {
  public:
-  FacetBoxes(std::vector<ComparedFacet> facets, const Execution& run) : facets_(std::move(facets)) {
-    levels_.emplace_back();
-    detail::resize_watched(levels_[0], facets_.size(), ClosedBox{}, run);
-    detail::for_each_index(facets_.size(), run, [this](std::size_t i) {
-      const auto& corners = facets_[i].corners;
-      const Vec3 min = corners[0].cwiseMin(corners[1]).cwiseMin(corners[2]);
-      const Vec3 max = corners[0].cwiseMax(corners[1]).cwiseMax(corners[2]);
-      levels_[0][i] = {{min[0], min[1], min[2]}, {max[0], max[1], max[2]}};
+  FacetBoxes(ComparedFacets facets, const Execution& run) : facets_(std::move(facets)) {
+    levels_.emplace_back(facets_.size());
+    detail::for_each_index_on_all_threads(facets_.size(), run, [this](std::size_t i) {
+      const auto& x = facets_[i].corners;
+      ClosedBox& box = levels_[0][i];
+      for (std::size_t k = 0; k < 3; ++k) {
+        box.min[k] = std::min({x[0][k], x[1][k], x[2][k]});
+        box.max[k] = std::max({x[0][k], x[1][k], x[2][k]});
+      }
     });
     while (levels_.back().size() > 1) {
-      const std::vector<ClosedBox>& below = levels_.back();
-      std::vector<ClosedBox> level;
-      level.reserve((below.size() + kArity - 1) / kArity);
-      for (std::size_t i = 0; i < below.size(); ++i) {
-        if (i % detail::kElementsPerLook == 0) run.check();
-        if (i % kArity == 0) {
-          level.push_back(below[i]);
-        } else {
-          level.back().add(below[i]);
-        }
-      }
+      const Boxes& below = levels_.back();
+      Boxes level((below.size() + kArity - 1) / kArity);
+      detail::for_each_index_on_all_threads(level.size(), run, [&](std::size_t i) {
+        level[i] = below[kArity * i];
+        for (std::size_t k = kArity * i + 1; k < std::min(kArity * (i + 1), below.size()); ++k) level[i].add(below[k]);
+      });
       levels_.push_back(std::move(level));
     }
   }
 
-  /// Groups of kArity facets in line.
-  std::size_t num_groups() const { return levels_.size() > 1 ? levels_[1].size() : 0; }
+  /// Parts of the line, some 256 facets each.
+  std::size_t num_parts() const { return levels_[level_of_parts()].size(); }
 
-  /// visit(s, t) for each two facets whose boxes meet and of which the first in line is in this group.
+  /// visit(s, t) for each two facets whose boxes meet and of which the first in line is in this part. What is near a box is
+  /// near to those that it is made of: so they search among the boxes that it has found, not among all.
   template <class Visit>
-  void pairs_of_group(std::size_t group, const Visit& visit) const {
-    search(levels_.size() - 1, 0, group, visit);
+  void pairs_of_part(std::size_t part, const Execution& run, const Visit& visit) const {
+    const std::size_t level = level_of_parts();
+    NearBoxes near;
+    find_near(levels_.size() - 1, 0, level, part, near[level].boxes);
+    near[level].count = near[level].boxes.size();
+    search(level, part, near, run, visit);
   }
 
  private:
-  static constexpr std::size_t kArityBits = 2, kArity = std::size_t{1} << kArityBits;
+  using Boxes = std::vector<ClosedBox, detail::UninitializedAllocator<ClosedBox>>;
+  static constexpr std::size_t kArity = 4, kPartLevel = 4;
 
-  template <class Visit>
-  void search(std::size_t level, std::size_t node, std::size_t group, const Visit& visit) const {
-    const std::vector<ClosedBox>& boxes = levels_[--level];
-    const std::size_t begin = kArity * node, end = std::min(begin + kArity, boxes.size());
-    const ClosedBox& around = levels_[1][group];
-    for (std::size_t i = begin; i < end; ++i) {
-      if (!boxes[i].meets(around)) continue;
-      if (level > 0) {
-        if (last_group(level, i) >= group) search(level, i, group, visit);
-        continue;
-      }
-      for (std::size_t first = kArity * group; first < std::min(i, kArity * (group + 1)); ++first) {
-        if (boxes[first].meets(boxes[i])) visit(facets_[first], facets_[i]);
-      }
-    }
+  struct BoxList {
+    std::vector<std::size_t> boxes;  ///< the first `count` of these
+    std::size_t count = 0;
+  };
+  /// By level: boxes that meet one of it, from that on.
+  using NearBoxes = std::array<BoxList, kPartLevel + 1>;
+
+  std::size_t level_of_parts() const { return std::min(kPartLevel, levels_.size() - 1); }
+
+  template <class Body>
+  void for_each_child(std::size_t level, std::size_t node, const Body& body) const {
+    const std::size_t begin = kArity * node, end = std::min(begin + kArity, levels_[level - 1].size());
+    for (std::size_t child = begin; child < end; ++child) body(child);
   }
 
-  /// The group of the last facet in a node; may be beyond the end.
-  static std::size_t last_group(std::size_t level, std::size_t node) { return ((node + 1) << (kArityBits * (level - 1))) - 1; }
+  /// Lists the boxes below `node` that meet that of the part, of its level and from it on.
+  void find_near(std::size_t level, std::size_t node, std::size_t part_level, std::size_t part,
+                 std::vector<std::size_t>& near) const {
+    if (level == part_level) {
+      if (node >= part) near.push_back(node);
+      return;
+    }
+    for_each_child(level, node, [&](std::size_t child) {
+      if (levels_[level - 1][child].meets(levels_[part_level][part])) find_near(level - 1, child, part_level, part, near);
+    });
+  }
 
-  std::vector<ComparedFacet> facets_;
-  std::vector<std::vector<ClosedBox>> levels_;  ///< of single facets first; the last one has one box
+  template <class Visit>
+  void search(std::size_t level, std::size_t node, NearBoxes& near, const Execution& run, const Visit& visit) const {
+    if (level == 0) {
+      for (std::size_t k = 0; k < near[0].count; ++k) {
+        if (near[0].boxes[k] > node) visit(facets_[node], facets_[near[0].boxes[k]]);
+      }
+      return;
+    }
+    const Boxes& boxes = levels_[level - 1];
+    const BoxList& of_node = near[level];
+    BoxList& of_child = near[level - 1];
+    if (of_child.boxes.size() < kArity * of_node.count) of_child.boxes.resize(2 * kArity * of_node.count);
+    for_each_child(level, node, [&](std::size_t child) {
+      const ClosedBox box = boxes[child];
+      std::size_t* const found = of_child.boxes.data();
+      std::size_t count = 0;
+      for (std::size_t k = 0; k < of_node.count; ++k) {
+        for_each_child(level, of_node.boxes[k], [&](std::size_t i) {  // no branch: which it is cannot be predicted
+          found[count] = i;
+          count += (i >= child) & boxes[i].meets(box);
+        });
+      }
+      of_child.count = count;
+      if (level > 1) run.check();
+      search(level - 1, child, near, run, visit);
+    });
+  }
+
+  ComparedFacets facets_;
+  std::vector<Boxes> levels_;  ///< of single facets first; the last one has one box
 };
 
 /// The facets that are compared, those left out counted. In the order of a curve through the middles of their boxes.
-std::vector<ComparedFacet> compared_facets(const MeshView& mesh, SelfIntersectionReport& report, const Execution& run) {
+ComparedFacets compared_facets(const MeshView& mesh, SelfIntersectionReport& report, const Execution& run) {
   const std::vector<Index> vertices = detail::first_equal_vertices(mesh, run.part(0, 0.2));
   std::vector<char> counted;
   detail::resize_watched(counted, detail::slot(mesh.num_facets()), char{1}, run);
@@ -301,41 +341,46 @@ std::vector<ComparedFacet> compared_facets(const MeshView& mesh, SelfIntersectio
     counted[detail::slot(f)] = 0;
     ++report.repeated_facets;
   }
-  struct Kept {
-    Index facet;
-    Projection projection;
-  };
-  std::vector<Kept> kept;
-  kept.reserve(counted.size());
-  Points middles(mesh.num_facets());
-  detail::for_each_index(mesh.num_facets(), run.part(0.4, 0.6), [&](Index f) {
-    if (counted[detail::slot(f)] == 0) return;
-    const Vec3 a = mesh.corner(f, 0), b = mesh.corner(f, 1), c = mesh.corner(f, 2);
-    const Projection projection = best_projection(a, b, c);
-    if (projection.turn == 0) {
-      ++report.degenerate_facets;
-      return;
-    }
-    const Vec3 middle = a.cwiseMin(b).cwiseMin(c) / 2 + a.cwiseMax(b).cwiseMax(c) / 2;
-    for (int k = 0; k < 3; ++k) middles(static_cast<std::ptrdiff_t>(kept.size()), k) = middle[k];
-    kept.push_back({f, projection});
+  std::vector<Projection> projections(counted.size());
+  detail::for_each_index_on_all_threads(counted.size(), run.part(0.4, 0.5), [&](std::size_t i) {
+    const auto f = static_cast<Index>(i);
+    if (counted[i] != 0) projections[i] = best_projection(mesh.corner(f, 0), mesh.corner(f, 1), mesh.corner(f, 2));
   });
-  middles.resize(static_cast<std::ptrdiff_t>(kept.size()));
-  std::vector<ComparedFacet> facets;
-  facets.reserve(kept.size());
+  std::vector<Index> kept;
+  kept.reserve(counted.size());
+  for (std::size_t f = 0; f < counted.size(); ++f) {
+    if (counted[f] == 0) continue;
+    if (projections[f].turn != 0) {
+      kept.push_back(static_cast<Index>(f));
+    } else {
+      ++report.degenerate_facets;
+    }
+  }
+  Points middles(static_cast<std::ptrdiff_t>(kept.size()));
+  detail::for_each_index_on_all_threads(kept.size(), run.part(0.5, 0.6), [&](std::size_t i) {
+    const Vec3 a = mesh.corner(kept[i], 0), b = mesh.corner(kept[i], 1), c = mesh.corner(kept[i], 2);
+    const Vec3 middle = a.cwiseMin(b).cwiseMin(c) / 2 + a.cwiseMax(b).cwiseMax(c) / 2;
+    for (int k = 0; k < 3; ++k) middles(static_cast<std::ptrdiff_t>(i), k) = middle[k];
+  });
+  ComparedFacets facets(kept.size());
   const std::vector<Index> order = detail::curve_order(middles, run.part(0.6, 0.85));
-  detail::for_each_index(order.size(), run.part(0.85, 1), [&](std::size_t i) {
-    const Kept& of = kept[detail::slot(order[i])];
-    const auto corner = [&](int k) { return mesh.corner(of.facet, k); };
-    const auto vertex = [&](int k) { return vertices[detail::slot(mesh.triangles(of.facet, k))]; };
-    facets.push_back({{corner(0), corner(1), corner(2)}, {vertex(0), vertex(1), vertex(2)}, of.facet, of.projection});
+  detail::for_each_index_on_all_threads(order.size(), run.part(0.85, 1), [&](std::size_t i) {
+    ComparedFacet& facet = facets[i];
+    facet.facet = kept[detail::slot(order[i])];
+    facet.seen = projections[detail::slot(facet.facet)];
+    for (int k = 0; k < 3; ++k) {
+      const Vec3 x = mesh.corner(facet.facet, k);
+      facet.corners[static_cast<std::size_t>(k)] = {x[0], x[1], x[2]};
+      facet.vertices[static_cast<std::size_t>(k)] = vertices[detail::slot(mesh.triangles(facet.facet, k))];
+    }
   });
   return facets;
 }
 
 void require_comparable(const MeshView& mesh, const Execution& run) {
   bounding_box(mesh, run.part(0, 0.5));  // throws for counts and indices out of range
-  detail::for_each_index(mesh.num_facets(), run.part(0.5, 1), [&](Index f) {
+  detail::for_each_index_on_all_threads(detail::slot(mesh.num_facets()), run.part(0.5, 1), [&](std::size_t i) {
+    const auto f = static_cast<Index>(i);
     for (int k = 0; k < 3; ++k) {
       if (mesh.corner(f, k).allFinite()) continue;
       throw Error(ErrorCode::kInvalidMesh, "self-intersections: vertex " + std::to_string(mesh.triangles(f, k)) +
@@ -346,25 +391,20 @@ void require_comparable(const MeshView& mesh, const Execution& run) {
 
 /// Compares each two facets whose boxes meet.
 void compare_facets(const FacetBoxes& boxes, LeastPairs& found, const Execution& run) {
-  constexpr std::size_t kGroupsPerPiece = 64;         // some 0.2 ms
   constexpr std::uint64_t kComparisonsPerLook = 256;  // 50 ms where all have coordinates of 1e±300
   constexpr std::size_t kPairsPerAdding = 4096;
-  detail::WorkCounter counter(run, boxes.num_groups());
-  parallel_for(boxes.num_groups(), kGroupsPerPiece, run, [&](std::size_t begin, std::size_t end) {
+  detail::for_each_piece_on_all_threads(boxes.num_parts(), 1, run, [&](std::size_t part, std::size_t) {
     std::vector<SelfIntersection> pairs;
     std::uint64_t comparisons = 0;
-    for (std::size_t group = begin; group < end; ++group) {
-      boxes.pairs_of_group(group, [&](const ComparedFacet& s, const ComparedFacet& t) {
-        if (++comparisons % kComparisonsPerLook == 0) run.check();
-        if (!facets_intersect(s, t)) return;
-        pairs.push_back({std::min(s.facet, t.facet), std::max(s.facet, t.facet)});
-        if (pairs.size() < kPairsPerAdding) return;
-        found.add(pairs);
-        pairs.clear();
-      });
-    }
+    boxes.pairs_of_part(part, run, [&](const ComparedFacet& s, const ComparedFacet& t) {
+      if (++comparisons % kComparisonsPerLook == 0) run.check();
+      if (!facets_intersect(s, t)) return;
+      pairs.push_back({std::min(s.facet, t.facet), std::max(s.facet, t.facet)});
+      if (pairs.size() < kPairsPerAdding) return;
+      found.add(pairs);
+      pairs.clear();
+    });
     found.add(pairs);
-    counter.add(end - begin);
   });
 }
 
@@ -380,7 +420,7 @@ SelfIntersectionReport find_self_intersections(const MeshView& mesh, const SelfI
   }
   require_comparable(mesh, run.part(0, 0.05));
   SelfIntersectionReport report;
-  std::vector<ComparedFacet> facets = compared_facets(mesh, report, run.part(0.05, 0.35));
+  ComparedFacets facets = compared_facets(mesh, report, run.part(0.05, 0.35));
   const FacetBoxes boxes(std::move(facets), run.part(0.35, 0.4));
   LeastPairs found(options.max_pairs);
   compare_facets(boxes, found, run.part(0.4, 0.98));
