@@ -372,9 +372,10 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
   reach_.reserve(detail::room_for_more(slot(num_sites())));
   reach_.resize(slot(num_sites()));
   constexpr std::size_t kSitesPerPiece = 4096;
-  detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
-  });
+  detail::for_each_piece_on_all_threads(reach_.size(), kSitesPerPiece, execution.part(0.9, 1),
+                                        [&](std::size_t begin, std::size_t end) {
+                                          for (std::size_t s = begin; s < end; ++s) update_reach(static_cast<Index>(s));
+                                        });
 }
 
 /// Takes over the polygons of all batches, and gives each fragment its number.
@@ -440,8 +441,13 @@ void RestrictedPowerDiagram::make_records(const Batch& batch, const SiteOrder& o
 void RestrictedPowerDiagram::update_reach(Index s) {
   if (!visible(s)) {
     reach_[slot(s)] = kNoCell;
-    return;
+  } else {
+    measure_reach(s);
   }
+}
+
+/// The same of a site whose cell is known to be there, whatever is in the triangulation by now.
+void RestrictedPowerDiagram::measure_reach(Index s) {
   double reach = 0;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
     const double farthest = this->reach(f);

@@ -51,7 +51,9 @@ bool ball_may_meet(const RestrictedPowerDiagram::Polygon& polygon, const Vec3& n
 }  // namespace
 }  // namespace detail
 
+/// Lists may have sites that are on their way into the diagram.
 bool RestrictedPowerDiagram::takes_part(Index s) const {
+  if (s >= num_sites()) return false;
   const RegularTriangulation::VertexState state = triangulation_.state(s + kSentinels);
   return state != RegularTriangulation::VertexState::kRemoved && state != RegularTriangulation::VertexState::kDuplicate;
 }
@@ -80,12 +82,13 @@ void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
   local_.assign(slot(mesh_.num_facets()), 0);
   constexpr std::size_t kPiece = detail::kLocalFragmentsPerPiece;
   std::vector<std::vector<Index>> found((fragments_.size() + kPiece - 1) / kPiece);
-  detail::for_each_piece_on_all_threads(fragments_.size(), kPiece, execution.part(0, 0.5), [&](std::size_t begin, std::size_t end) {
-    std::vector<Index>& facets = found[begin / kPiece];
-    for (std::size_t f = begin; f < end; ++f) {
-      if (is_foreign(static_cast<Index>(f))) facets.push_back(fragments_[f].facet);
-    }
-  });
+  detail::for_each_piece_on_all_threads(fragments_.size(), kPiece, execution.part(0, 0.5),
+                                        [&](std::size_t begin, std::size_t end) {
+                                          std::vector<Index>& facets = found[begin / kPiece];
+                                          for (std::size_t f = begin; f < end; ++f) {
+                                            if (is_foreign(static_cast<Index>(f))) facets.push_back(fragments_[f].facet);
+                                          }
+                                        });
   std::vector<Index> facets;
   for (const std::vector<Index>& some : found) facets.insert(facets.end(), some.begin(), some.end());
   std::sort(facets.begin(), facets.end());
@@ -100,11 +103,12 @@ void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
   changed_sites_.clear();
 }
 
-/// Fragments that an edit has changed may be foreign now: after an insertion those of the new owner, since all others have
-/// shrunk; after a removal (kNone) any.
-void RestrictedPowerDiagram::localize_foreign(Index owner) {
+/// Fragments that an edit has changed, those listed `from` there on, may be foreign now: after an insertion those of the new
+/// owner, since all others have shrunk; after a removal (kNone) any.
+void RestrictedPowerDiagram::localize_foreign(Index owner, std::size_t from) {
   std::vector<Index> facets;
-  for (const Index f : changed_) {
+  for (std::size_t k = from; k < changed_.size(); ++k) {
+    const Index f = changed_[k];
     if (!alive(f) || (owner != kNone && fragments_[slot(f)].site != owner) || local(fragments_[slot(f)].facet)) continue;
     if (is_foreign(f)) facets.push_back(fragments_[slot(f)].facet);
   }
@@ -222,9 +226,10 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
   }
 }
 
-void RestrictedPowerDiagram::enter_local_facets(Index s) {
+/// `hidden`: by s, vertices of the triangulation. What its entering has changed by now is listed `from` there on.
+void RestrictedPowerDiagram::enter_local_facets(Index s, const std::vector<Index>& hidden, std::size_t from) {
   if (!site_tree_.empty()) insert_into_site_tree(s);
-  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+  for (const Index v : hidden) {
     // Its duplicate: no bisector tells the two apart.
     if (v >= kSentinels && v != s + kSentinels && !takes_part(v - kSentinels)) give_local_facets_away(v - kSentinels);
   }
@@ -235,7 +240,7 @@ void RestrictedPowerDiagram::enter_local_facets(Index s) {
         enter_local_facet(facet, s, clipper);
     }
   }
-  localize_foreign(s);
+  localize_foreign(s, from);
 }
 
 /// A fragment of a local facet near x, found from that of a site near by, or else the facet's first one, by moving to whoever
@@ -345,7 +350,7 @@ std::vector<Index> RestrictedPowerDiagram::cut_local_fragments(Index facet, Inde
 void RestrictedPowerDiagram::leave_local_facets(Index s) {
   if (!site_tree_.empty()) site_tree_.remove(site(s).position(), s);
   give_local_facets_away(s);
-  localize_foreign(kNone);
+  localize_foreign(kNone, 0);
 }
 
 /// Divides what s, which takes no part any more, has in local facets.
