@@ -321,6 +321,7 @@ class RestrictedPowerDiagram {
   void measure_cells(NewCell* begin, NewCell* end, const Measure& measure) const;
   bool is_cell_right(const NewCell& cell, Index first, CellScratch& scratch) const;
   void store_cell(const NewCell& cell);
+  void forget_hidden(const NewCell& cell);
   void note_changes(std::size_t from, const std::vector<double>* values);
   void retake_cell(Index s);
   void add_uncovered(std::vector<Index>& candidates);

@@ -101,9 +101,7 @@ void RestrictedPowerDiagram::retake_cell(Index s) {
 void RestrictedPowerDiagram::take_cell(const NewCell& cell, CellScratch& scratch) {
   find_touched(cell, scratch);
   clip_touched(cell.site, scratch);
-  for (const Index v : cell.hidden) {
-    if (v >= kSentinels && v != cell.site + kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
-  }
+  forget_hidden(cell);
   std::vector<Index>& facets = scratch.facets;
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
@@ -140,8 +138,7 @@ void RestrictedPowerDiagram::find_touched(const NewCell& cell, CellScratch& scra
     if (has_cell(plane.site)) find_touched(plane.site, cell.site, scratch.touched);
   }
   for (const Index v : cell.hidden) {
-    if (v >= kSentinels && v != cell.site + kSentinels && has_cell(v - kSentinels))
-      find_touched(v - kSentinels, cell.site, scratch.touched);
+    if (v >= kSentinels && has_cell(v - kSentinels)) find_touched(v - kSentinels, cell.site, scratch.touched);
   }
   for (const Index f : scratch.touched) prefetch_facet_corners(fragments_[slot(f)].facet);
 }
@@ -307,15 +304,24 @@ void RestrictedPowerDiagram::measure_cells(NewCell* begin, NewCell* end, const M
 
 /// Is a cell still what was found? `first`: of the sites that came together.
 bool RestrictedPowerDiagram::is_cell_right(const NewCell& cell, Index first, CellScratch& scratch) const {
-  if (!cell.visible || !cell.hidden.empty()) return false;
+  if (!cell.visible) return false;
   for (const NewCell::Cut& cut : cell.cuts) {
     if (slot(cut.fragment) < is_changed_.size() && is_changed_[slot(cut.fragment)]) return false;
   }
   scratch.touched.clear();
-  for (const Index v : cell.around) {
-    if (v - kSentinels >= first) find_touched(v - kSentinels, cell.site, scratch.touched);
+  for (const std::vector<Index>* sites : {&cell.around, &cell.hidden}) {
+    for (const Index v : *sites) {
+      if (v - kSentinels >= first) find_touched(v - kSentinels, cell.site, scratch.touched);
+    }
   }
   return scratch.touched.empty();
+}
+
+/// Sites that a new one, visible, has hidden have no cell any more.
+void RestrictedPowerDiagram::forget_hidden(const NewCell& cell) {
+  for (const Index v : cell.hidden) {
+    if (v >= kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
+  }
 }
 
 void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
@@ -334,6 +340,7 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
     if (k + 1 < cell.cuts.size() && cell.cuts[k + 1].site == cut.site) continue;
     measure_reach(cut.site);
   }
+  forget_hidden(cell);
   for (const NewCell::Piece& piece : cell.pieces) {
     add_fragment(piece.facet, cell.site, corners, labels, piece.size);
     corners += piece.size;

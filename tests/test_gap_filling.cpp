@@ -2,6 +2,7 @@
 
 #include "kit/maximality.h"
 #include "kit/meshes.h"
+#include "kit/random.h"
 #include "kit/samples.h"
 
 #include "amps/maximality.h"
@@ -396,12 +397,15 @@ TEST_CASE("gap_filling: sites that enter together divide the surface as one afte
     double radius;
     const amps::SizingField* field;
     amps::Neighborhood neighborhood;
+    bool hides = false;
   };
   std::size_t num_local = 0, num_hidden = 0, measured = 0;
+  Rng rng(11);
   for (const Case& c :
        {Case{sphere, 0.06, nullptr, amps::Neighborhood::kSpace}, Case{sphere, 0.05, nullptr, amps::Neighborhood::kSurface},
         Case{coarse, 0.05, nullptr, amps::Neighborhood::kSpace}, Case{sheets, 0.03, nullptr, amps::Neighborhood::kSurface},
-        Case{three_sheets, 0, &field, amps::Neighborhood::kSurface}}) {
+        Case{three_sheets, 0, &field, amps::Neighborhood::kSurface},
+        Case{sphere, 0.05, nullptr, amps::Neighborhood::kSpace, true}}) {
     CAPTURE(c.radius);
     amps::SamplingOptions options;
     options.neighborhood = c.neighborhood;
@@ -410,7 +414,16 @@ TEST_CASE("gap_filling: sites that enter together divide the surface as one afte
     } else {
       options.radius = c.radius;
     }
-    const SampleSet set = amps::sample(c.mesh, options).samples;
+    SampleSet set = amps::sample(c.mesh, options).samples;
+    if (c.field != nullptr) {  // those that hide others come neither first nor last
+      amps::detail::GrowingSet samples;
+      samples.add_all(set);
+      std::vector<Index> order;
+      for (Index s = 0; s < set.size(); ++s) order.push_back(s);
+      samples.reorder(shuffled(order, rng));
+      set = samples.finish();
+    }
+    for (Index s = 0; c.hides && s < set.size(); s += 1 + below(rng, 10)) set.radii[at(s)] *= 3;
     const Index first = set.size() / 2;  // the first ones are there, many of the others are neighbours
     const auto flood = amps::detail::flood_of(c.mesh, c.neighborhood);
     // Lists of all: sites that are not in the diagram must play no part in it.
@@ -424,13 +437,18 @@ TEST_CASE("gap_filling: sites that enter together divide the surface as one afte
     for (Index f = 0; f < static_cast<Index>(c.mesh.triangles.rows()); ++f) num_local += one_by_one.local(f) ? 1 : 0;
     for (Index s = 0; s < set.size(); ++s) num_hidden += one_by_one.visible(s) ? 0 : 1;
     CHECK(one_by_one.check() == "");
+    RestrictedPowerDiagram some = one_by_one;
+    for (Index s = first; s < set.size(); s += 3) some.remove(s);
+    const std::vector<Piece> left = pieces_of(some, true);
     for (const unsigned threads : {1u, 2u, 3u}) {
       CAPTURE(threads);
-      const RestrictedPowerDiagram together =
-          entered_together(c.mesh, set, first, *disks, {60, 1, 200, 9, 30}, threads, measured);
+      RestrictedPowerDiagram together = entered_together(c.mesh, set, first, *disks, {60, 1, 200, 9, 30}, threads, measured);
       CHECK(together.check() == "");
       CHECK(pieces_of(together, true) == pieces_of(one_by_one, true));
       CHECK(pieces_of(together, false) == pieces_of(one_by_one, false));
+      for (Index s = first; s < set.size(); s += 3) together.remove(s);  // what they had hidden comes back
+      CHECK(together.check() == "");
+      CHECK(pieces_of(together, true) == left);
     }
   }
   CHECK(num_local > 0);
