@@ -423,7 +423,7 @@ TEST_CASE("gap_filling: sites that enter together divide the surface as one afte
       samples.reorder(shuffled(order, rng));
       set = samples.finish();
     }
-    for (Index s = 0; c.hides && s < set.size(); s += 1 + below(rng, 10)) set.radii[at(s)] *= 3;
+    for (Index s = 0; c.hides && s < set.size(); s += 1 + below(rng, 60)) set.radii[at(s)] *= 10;
     const Index first = set.size() / 2;  // the first ones are there, many of the others are neighbours
     const auto flood = amps::detail::flood_of(c.mesh, c.neighborhood);
     // Lists of all: sites that are not in the diagram must play no part in it.
