@@ -20,20 +20,23 @@ constexpr int kGapDarts = 64;
 constexpr double kSeparationSlack = 1e-10;
 
 /// Gaps are chosen among those in the cells of so many samples at a time, along a curve in space: where gap filling works,
-/// memory is at hand (two thirds of the time at a million samples, measured with stretches of 16,384 fragments). The paper
-/// chooses among all gaps. Stretches that do not touch do not see each other, so it does not matter which comes first, and
-/// within one choice is in proportion to ρ × area; only near where two of them meet, each some 90 by 90 samples, is the order
-/// another. Stretches of 80 samples make 0.07 % more samples, of 300 samples 0.04 %, of these none that could be measured
-/// (tests/bench/README.md). They are of samples, not of fragments: on a fine mesh so many fragments are the cells of few.
-constexpr std::size_t kSitesAtATime = 8192;
+/// memory is at hand (two thirds of the time at a million samples; two stretches take turns, and a tenth more of it if each is
+/// twice as long). The paper chooses among all gaps. Stretches that do not touch do not see each other, so it does not matter
+/// which comes first, and within one choice is in proportion to ρ × area; only near where two of them meet, each some 64 by 64
+/// samples, is the order another. Stretches of 80 samples make 0.07 % more samples, of 300 samples 0.04 %, of 8,192 none that
+/// could be measured (tests/bench/README.md). They are of samples, not of fragments: on a fine mesh so many fragments are the
+/// cells of few.
+constexpr std::size_t kSitesAtATime = 4096;
+/// So many samples are worth two stretches.
+constexpr std::size_t kSitesOfTwo = 2048;
 
 /// So many darts in a row are left out for the density's sake; the next one stays. That is for radii that grow a thousandfold
 /// and more across a gap; elsewhere a few in a row are.
 constexpr int kMostThinned = 4096;
 
-/// Samples are entered together up to so many, of as many gaps in the stretch for each, so that few darts meet a sample of
-/// their own batch: the more, the more can be found side by side, and the more of them are near each other.
-constexpr Index kMostTogether = 64;
+/// Samples are entered together up to so many, one of so many gaps in the stretch, so that few darts meet a sample of their own
+/// batch, and few of its cells each other: one in twenty. The more, the less threads wait for each other.
+constexpr Index kMostTogether = 128;
 constexpr Index kGapsPerSample = 8;
 
 /// Gaps between two looks for a cancel: some milliseconds.
@@ -72,6 +75,20 @@ void SumTree::grow(std::size_t wanted) {
             nodes.begin() + static_cast<std::ptrdiff_t>(leaves));
   nodes_.swap(nodes);
   leaves_ = leaves;
+  add_up();
+}
+
+void SumTree::assign(const std::vector<double>& weights) {
+  nodes_.clear();
+  leaves_ = 0;
+  if (weights.empty()) return;
+  grow(weights.size());
+  std::copy(weights.begin(), weights.end(), nodes_.begin() + static_cast<std::ptrdiff_t>(leaves_));
+  add_up();
+}
+
+/// All sums from the leaves.
+void SumTree::add_up() {
   for (std::size_t at = leaves_ - 1; at > 0; --at) nodes_[at] = nodes_[2 * at] + nodes_[2 * at + 1];
 }
 
@@ -120,15 +137,27 @@ void GapFiller::look_at_all(const Execution& execution) {
   const std::vector<Index> order = curve_order(positions, execution.part(0.05, 0.25));
   // Gaps are found in the order of the diagram's memory, and entered in that of the curve.
   std::vector<double> weights = all_weights(execution.part(0.25, 0.85));
-  const std::size_t n = weights.size(), num_stretches = std::max<std::size_t>(1, order.size() / kSitesAtATime);
+  const std::size_t n = weights.size(), num_sites = order.size();
+  // At least two, which take turns, where one would be of some size.
+  const std::size_t num_stretches = std::max<std::size_t>(num_sites / kSitesAtATime, num_sites < kSitesOfTwo ? 1 : 2);
   stretches_.resize(num_stretches);
-  for_each_piece(order.size(), kElementsPerLook, execution.part(0.85, 0.95), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      current_ = static_cast<Index>(k * num_stretches / order.size());
+  place_of_.resize(n);
+  std::vector<double> of_stretch;
+  for_each_piece(num_stretches, 1, execution.part(0.85, 0.95), [&](std::size_t i, std::size_t) {
+    current_ = static_cast<Index>(i);
+    Stretch& stretch = stretches_[i];
+    of_stretch.clear();
+    for (std::size_t k = i * num_sites / num_stretches; k < (i + 1) * num_sites / num_stretches; ++k) {
       for (Index f = diagram_.first_of_site(sites[slot(order[k])]); f != kNone; f = diagram_.next_of_site(f)) {
-        set_weight(f, std::exchange(weights[slot(f)], 0.0));
+        const double weight = std::exchange(weights[slot(f)], 0.0);
+        if (!(weight > 0)) continue;
+        place_of_[slot(f)] = {current_, static_cast<Index>(of_stretch.size())};
+        stretch.fragment_at.push_back(f);
+        of_stretch.push_back(weight);
       }
     }
+    stretch.num_gaps = static_cast<Index>(of_stretch.size());
+    stretch.gaps.assign(of_stretch);
   });
   // What is left are facets that no sample reaches.
   for_each_piece(n, kElementsPerLook, execution.part(0.95, 1), [&](std::size_t begin, std::size_t end) {

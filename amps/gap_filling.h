@@ -35,6 +35,9 @@ class SumTree {
   /// i ≥ 0; weights not set are 0.
   void set(Index i, double weight);
 
+  /// All weights at once, in place of what was there. O(n).
+  void assign(const std::vector<double>& weights);
+
   double weight(Index i) const { return slot(i) < leaves_ ? nodes_[leaves_ + slot(i)] : 0.0; }
 
   /// Where the running sum of weights passes u times their total, u in [0, 1): a place of positive weight. Requires
@@ -42,6 +45,8 @@ class SumTree {
   Index pick(double u) const;
 
  private:
+  void add_up();
+
   std::vector<double> nodes_;  ///< children of node i: 2i and 2i + 1; leaves last
   std::size_t leaves_ = 0;
 };

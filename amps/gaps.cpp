@@ -41,13 +41,7 @@ double angle_minus_sine(double x) {
 }  // namespace
 
 double FragmentGap::assign(const RestrictedPowerDiagram& diagram, const RestrictedPowerDiagram::Polygon& polygon) {
-  decided_.resize(static_cast<std::size_t>(polygon.size));
-  bool any_uncovered = false;
-  for (Index k = 0; k < polygon.size; ++k) {
-    decided_[slot(k)] = diagram.power_at_corner(polygon, k) > 0;
-    any_uncovered |= decided_[slot(k)] != 0;
-  }
-  if (!any_uncovered) {
+  if (!diagram.uncovered_corners(polygon, decided_)) {
     clear();
     return 0;
   }

@@ -648,6 +648,23 @@ int RestrictedPowerDiagram::power_at_corner(const Polygon& polygon, Index k) con
   return side != 0 ? side : exact_power_at_corner(polygon, k);
 }
 
+bool RestrictedPowerDiagram::uncovered_corners(const Polygon& polygon, std::vector<char>& uncovered) const {
+  if (polygon.site == kNone) {
+    uncovered.assign(slot(polygon.size), 1);
+    return true;
+  }
+  uncovered.resize(slot(polygon.size));
+  const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);
+  bool any = false;
+  for (Index k = 0; k < polygon.size; ++k) {
+    int side = filter.side(polygon.corners[k]);
+    if (side == 0) side = exact_power_at_corner(polygon, k);
+    uncovered[slot(k)] = side > 0;
+    any |= side > 0;
+  }
+  return any;
+}
+
 bool RestrictedPowerDiagram::covered(const Polygon& polygon) const {
   if (polygon.site == kNone) return false;
   const detail::PowerFilter filter(site(polygon.site), facet_error_[slot(polygon.facet)]);

@@ -113,6 +113,8 @@ class RestrictedPowerDiagram {
   /// Is the owner's ball (radius² = weight, closed) without corner k of the fragment? +1 yes, 0 the corner lies on the sphere,
   /// −1 no. Exact: the corner is the symbolic one, however its coordinates are rounded. O(1).
   AMPS_EXPORT int power_at_corner(const Polygon& polygon, Index k) const;
+  /// At which corners is that +1? One flag each, in place of what was there; true if any is set. O(size).
+  AMPS_EXPORT bool uncovered_corners(const Polygon& polygon, std::vector<char>& uncovered) const;
   /// Does the owner's ball cover the fragment? Exact: both are convex, so it does iff no corner is without. The surface is
   /// covered iff all fragments are, see predicates.h. O(size).
   AMPS_EXPORT bool covered(const Polygon& polygon) const;
