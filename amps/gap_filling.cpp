@@ -330,23 +330,28 @@ GapFilling GapFiller::fill_together(Rng& rng, const GapFillLimits& limits, const
   Turns turns(*this);
   Arrivals now, next;
   Index stretch = kNone, other = kNone;  // what these are drawn from
+  Index unseen = kNone;                  // the stretch of samples whose changes have not been looked at
   const auto is_over = [&] { return run.result.end != GapFilling::End::kFilled; };
+  const auto see_changes = [&] {
+    if (unseen == kNone) return;
+    current_ = std::exchange(unseen, kNone);
+    enter_changes();
+  };
   for (;;) {
     if (now.empty()) {
+      see_changes();
       stretch = is_over() ? kNone : turns.next(true);
       if (stretch == kNone) return run.result;
       draw_samples(run, stretch, enter, now);
       if (now.empty()) continue;
     }
-    other = is_over() ? kNone : turns.next(false);
-    enter_sites(
-        now, next,
-        [&] {
-          if (other != kNone) draw_samples(run, other, enter, next);
-        },
-        measure);
-    current_ = stretch;
-    enter_changes();
+    const auto draw_others = [&] {
+      see_changes();
+      other = is_over() ? kNone : turns.next(false);
+      if (other != kNone) draw_samples(run, other, enter, next);
+    };
+    enter_sites(now, next, draw_others, measure);
+    unseen = stretch;
     now.clear();
     std::swap(now, next);
     if (other != kNone) stretch = other;

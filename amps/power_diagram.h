@@ -130,9 +130,9 @@ class RestrictedPowerDiagram {
 
   /// Inserts sites at once, for gap filling; their ids are num_sites(), … in order. The diagram, to the slots of its fragments,
   /// is that of one insert() after the other. On several threads most cells are found side by side; meanwhile, on one of them,
-  /// `draw` may look at the diagram as it was before the call, and give to `next` what the next call inserts, at most
-  /// kMostArrivals: that enters the triangulation beside the cells. Until it has its cells, the diagram is good for nothing but
-  /// that next call, for its fragments, and for sites below num_sites(). Requires finite coordinates.
+  /// `draw` may look at the diagram as it was before the call, changed() included, and give to `next` what the next call
+  /// inserts, at most kMostArrivals: that enters the triangulation beside the cells. Until it has its cells, the diagram is
+  /// good for nothing but that next call, for its fragments, and for sites below num_sites(). Requires finite coordinates.
   ///
   /// Afterwards changed() is in the order of changes, each fragment once; changed_sites() is empty; and measured()[k] is what
   /// `measure` says of changed()[k], NaN where nobody has asked by now.

@@ -157,9 +157,6 @@ void RestrictedPowerDiagram::find_touched(const NewCell& cell, CellScratch& scra
 void RestrictedPowerDiagram::insert_together(Arrivals& now, Arrivals& next, const std::function<void()>& draw,
                                              const Measure& measure, const Execution& execution) {
   AMPS_ASSERT(status_ != Outcome::kCancelled && next.empty());
-  changed_.clear();
-  changed_sites_.clear();
-  measured_.clear();
   const Index first = num_sites();
   std::size_t num_found = 0;
   if (execution.workers() == 1) {
@@ -167,6 +164,9 @@ void RestrictedPowerDiagram::insert_together(Arrivals& now, Arrivals& next, cons
   } else {
     num_found = find_cells(now, next, draw, measure, execution);
   }
+  changed_.clear();
+  changed_sites_.clear();
+  measured_.clear();
   CellScratch scratch(*this);
   for (std::size_t k = 0; k < now.size(); ++k) {
     NewCell& cell = now.cells_[k];
