@@ -3,9 +3,12 @@
 
 #include "amps/predicates.h"
 #include "amps/spatial_sort.h"
+#include "amps/thread_pool.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <memory>
 #include <utility>
 
 namespace amps::detail {
@@ -17,20 +20,23 @@ constexpr int kGapDarts = 64;
 constexpr double kSeparationSlack = 1e-10;
 
 /// Gaps are chosen among those in the cells of so many samples at a time, along a curve in space: where gap filling works,
-/// memory is at hand (two thirds of the time at a million samples, measured with stretches of 16,384 fragments). The paper
-/// chooses among all gaps. Stretches that do not touch do not see each other, so it does not matter which comes first, and
-/// within one choice is in proportion to ρ × area; only near where two of them meet, each some 90 by 90 samples, is the order
-/// another. Stretches of 80 samples make 0.07 % more samples, of 300 samples 0.04 %, of these none that could be measured
-/// (tests/bench/README.md). They are of samples, not of fragments: on a fine mesh so many fragments are the cells of few.
-constexpr std::size_t kSitesAtATime = 8192;
+/// memory is at hand (two thirds of the time at a million samples; two stretches take turns, and a tenth more of it if each is
+/// twice as long). The paper chooses among all gaps. Stretches that do not touch do not see each other, so it does not matter
+/// which comes first, and within one choice is in proportion to ρ × area; only near where two of them meet, each some 64 by 64
+/// samples, is the order another. Stretches of 80 samples make 0.07 % more samples, of 300 samples 0.04 %, of 8,192 none that
+/// could be measured (tests/bench/README.md). They are of samples, not of fragments: on a fine mesh so many fragments are the
+/// cells of few.
+constexpr std::size_t kSitesAtATime = 4096;
+/// So many samples are worth two stretches.
+constexpr std::size_t kSitesOfTwo = 2048;
 
 /// So many darts in a row are left out for the density's sake; the next one stays. That is for radii that grow a thousandfold
 /// and more across a gap; elsewhere a few in a row are.
 constexpr int kMostThinned = 4096;
 
-/// Samples are entered together up to so many, of as many gaps in the stretch for each, so that few darts meet a sample of
-/// their own batch: the more, the more can be found side by side, and the more of them are near each other.
-constexpr Index kMostTogether = 64;
+/// Samples are entered together up to so many, one of so many gaps in the stretch, so that few darts meet a sample of their own
+/// batch, and few of its cells each other: one in twenty. The more, the less threads wait for each other.
+constexpr Index kMostTogether = 128;
 constexpr Index kGapsPerSample = 8;
 
 /// Gaps between two looks for a cancel: some milliseconds.
@@ -69,6 +75,20 @@ void SumTree::grow(std::size_t wanted) {
             nodes.begin() + static_cast<std::ptrdiff_t>(leaves));
   nodes_.swap(nodes);
   leaves_ = leaves;
+  add_up();
+}
+
+void SumTree::assign(const std::vector<double>& weights) {
+  nodes_.clear();
+  leaves_ = 0;
+  if (weights.empty()) return;
+  grow(weights.size());
+  std::copy(weights.begin(), weights.end(), nodes_.begin() + static_cast<std::ptrdiff_t>(leaves_));
+  add_up();
+}
+
+/// All sums from the leaves.
+void SumTree::add_up() {
   for (std::size_t at = leaves_ - 1; at > 0; --at) nodes_[at] = nodes_[2 * at] + nodes_[2 * at + 1];
 }
 
@@ -121,15 +141,27 @@ void GapFiller::look_at_all(const Execution& execution) {
   const std::vector<Index> order = curve_order(positions, execution.part(0.05, 0.25));
   // Gaps are found in the order of the diagram's memory, and entered in that of the curve.
   std::vector<double> weights = all_weights(execution.part(0.25, 0.85));
-  const std::size_t n = weights.size(), num_stretches = std::max<std::size_t>(1, order.size() / kSitesAtATime);
+  const std::size_t n = weights.size(), num_sites = order.size();
+  // At least two, which take turns, where one would be of some size.
+  const std::size_t num_stretches = std::max<std::size_t>(num_sites / kSitesAtATime, num_sites < kSitesOfTwo ? 1 : 2);
   stretches_.resize(num_stretches);
-  for_each_piece(order.size(), kElementsPerLook, execution.part(0.85, 0.95), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      current_ = static_cast<Index>(k * num_stretches / order.size());
+  place_of_.resize(n);
+  std::vector<double> of_stretch;
+  for_each_piece(num_stretches, 1, execution.part(0.85, 0.95), [&](std::size_t i, std::size_t) {
+    current_ = static_cast<Index>(i);
+    Stretch& stretch = stretches_[i];
+    of_stretch.clear();
+    for (std::size_t k = i * num_sites / num_stretches; k < (i + 1) * num_sites / num_stretches; ++k) {
       for (Index f = diagram_.first_of_site(sites[slot(order[k])]); f != kNone; f = diagram_.next_of_site(f)) {
-        set_weight(f, std::exchange(weights[slot(f)], 0.0));
+        const double weight = std::exchange(weights[slot(f)], 0.0);
+        if (!(weight > 0)) continue;
+        place_of_[slot(f)] = {current_, static_cast<Index>(of_stretch.size())};
+        stretch.fragment_at.push_back(f);
+        of_stretch.push_back(weight);
       }
     }
+    stretch.num_gaps = static_cast<Index>(of_stretch.size());
+    stretch.gaps.assign(of_stretch);
   });
   // What is left are facets that no sample reaches.
   for_each_piece(n, kElementsPerLook, execution.part(0.95, 1), [&](std::size_t begin, std::size_t end) {
@@ -172,8 +204,10 @@ void GapFiller::forget() {
 
 /// Of the gap of f: its area, times the greatest density there. `gap` is scratch.
 double GapFiller::gap_weight(Index f, FragmentGap& gap) const {
-  if (!diagram_.alive(f) || surely_covered(f)) return 0;
-  const auto polygon = diagram_.polygon(f);
+  return !diagram_.alive(f) || surely_covered(f) ? 0.0 : gap_weight(diagram_.polygon(f), gap);
+}
+
+double GapFiller::gap_weight(const RestrictedPowerDiagram::Polygon& polygon, FragmentGap& gap) const {
   const double area = gap.assign(diagram_, polygon);
   return area > 0 ? area * greatest_density(polygon.facet, gap) : 0;
 }
@@ -196,59 +230,171 @@ double GapFiller::greatest_density(Index facet, const FragmentGap& gap) const {
   return greatest;
 }
 
-/// Without enter_sites, `enter` enters samples into the diagram, one at a time.
-GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& enter, const EnterSites* enter_sites) {
-  GapFilling result;
-  const double at_start = limits.execution != nullptr ? total_weight() : 0;
-  double done = 0;  // the greatest ρ of what is left of a fragment, by rounding, may rise
-  std::uint64_t darts = 0;
-  int thinned = 0;
-  std::vector<WeightedPoint> sites;
-  std::vector<Index> near;
+GapFiller::Run GapFiller::start(Rng& rng, const GapFillLimits& limits) const {
+  Run run{rng, limits, {}};
+  if (limits.execution != nullptr) run.at_start = total_weight();
+  return run;
+}
+
+/// Is there time and room for one more?
+bool GapFiller::goes_on(Run& run) const {
+  if (run.limits.execution != nullptr && run.gaps++ % kGapsPerReport == 0) {
+    // The greatest ρ of what is left of a fragment, by rounding, may rise.
+    run.done = std::max(run.done, 1 - std::min(1.0, total_weight() / run.at_start));
+    if (!completes([&] { run.limits.execution->report(run.done); })) run.result.end = GapFilling::End::kCancelled;
+  }
+  if (run.result.samples == run.limits.max_samples) run.result.end = GapFilling::End::kGaveUp;
+  return run.result.end == GapFilling::End::kFilled;
+}
+
+/// Chooses a gap of the stretch, and throws darts into it. True if one stays: a sample. `near`: whose the gap was.
+bool GapFiller::draw_sample(Run& run, Index stretch, Sample& sample, Index& near) {
+  const Stretch& from = stretches_[slot(stretch)];
+  const Index place = from.gaps.pick(run.rng.uniform()), f = from.fragment_at[slot(place)];
+  switch (throw_darts_into(f, run.thinned == kMostThinned ? 0.0 : from.gaps.weight(place), run.rng, sample)) {
+    case Dart::kStays:
+      run.thinned = 0;
+      ++run.result.samples;
+      near = diagram_.polygon(f).site;
+      return true;
+    case Dart::kNoRoom:
+      ++run.result.unfilled;
+      set_weight(f, 0.0);
+      break;
+    case Dart::kThinned:
+      ++run.thinned;
+      break;
+    case Dart::kTaken:
+      break;
+  }
+  return false;
+}
+
+GapFilling GapFiller::fill(Rng& rng, const GapFillLimits& limits, const Enter& enter) {
+  Run run = start(rng, limits);
   for (current_ = 0; has_gaps(); current_ = (current_ + 1) % static_cast<Index>(stretches_.size())) {
-    const Stretch& stretch = stretches_[slot(current_)];
-    while (stretch.gaps.total() > 0) {
-      const Index together =
-          enter_sites != nullptr ? std::clamp<Index>(stretch.num_gaps / kGapsPerSample, 1, kMostTogether) : Index{1};
-      sites.clear();
-      near.clear();
-      for (Index k = 0; k < together && stretch.gaps.total() > 0; ++k) {
-        if (limits.execution != nullptr && darts++ % kGapsPerReport == 0) {
-          done = std::max(done, 1 - std::min(1.0, total_weight() / at_start));
-          if (!completes([&] { limits.execution->report(done); })) result.end = GapFilling::End::kCancelled;
-        }
-        if (result.samples == limits.max_samples) result.end = GapFilling::End::kGaveUp;
-        if (result.end != GapFilling::End::kFilled) break;
-        const Index place = stretch.gaps.pick(rng.uniform()), f = stretch.fragment_at[slot(place)];
-        Sample sample;
-        switch (throw_darts_into(f, thinned == kMostThinned ? 0.0 : stretch.gaps.weight(place), rng, sample)) {
-          case Dart::kStays:
-            thinned = 0;
-            ++result.samples;
-            near.push_back(diagram_.polygon(f).site);
-            sites.push_back(
-                {sample.position().x(), sample.position().y(), sample.position().z(), sample.radius * sample.radius});
-            enter(sample, near.back());
-            break;
-          case Dart::kNoRoom:
-            ++result.unfilled;
-            set_weight(f, 0.0);
-            break;
-          case Dart::kThinned:
-            ++thinned;
-            break;
-          case Dart::kTaken:
-            break;
-        }
-      }
-      if (!sites.empty()) {
-        if (enter_sites != nullptr) (*enter_sites)(sites, near);
-        look_at(diagram_.changed());
-      }
-      if (result.end != GapFilling::End::kFilled) return result;
+    while (has_gaps(current_)) {
+      if (!goes_on(run)) return run.result;
+      Sample sample;
+      Index near = kNone;
+      if (!draw_sample(run, current_, sample, near)) continue;
+      enter(sample, near);
+      look_at(diagram_.changed());
     }
   }
-  return result;
+  return run.result;
+}
+
+/// Two stretches take turns. While the cells of samples of the one are found, samples of the other are drawn, which do not see
+/// each other but where the two meet. A stretch whose gaps have become few leaves them to the next one.
+class GapFiller::Turns {
+ public:
+  explicit Turns(GapFiller& filler) : filler_(filler), num_stretches_(static_cast<Index>(filler.stretches_.size())) {
+    num_begun_ = std::min<Index>(2, num_stretches_);
+    if (num_begun_ == 2) stretch_[1] = 1;
+  }
+
+  /// The stretch whose turn it is, the other one than last time, if it has gaps; else, where `again` allows it, the same.
+  /// kNone: there is none.
+  Index next(bool again) {
+    const std::size_t turn = 1 - last_;
+    if (fill_up(turn)) {
+      last_ = turn;
+      return stretch_[turn];
+    }
+    return again && fill_up(last_) ? stretch_[last_] : kNone;
+  }
+
+ private:
+  bool fill_up(std::size_t turn) {
+    constexpr Index kFewGaps = kGapsPerSample * kMostTogether;
+    Index& stretch = stretch_[turn];
+    if (stretch == kNone) return false;
+    while (num_begun_ < num_stretches_ && filler_.stretches_[slot(stretch)].num_gaps < kFewGaps) {
+      filler_.move_gaps(stretch, num_begun_);
+      stretch = num_begun_++;
+    }
+    return filler_.has_gaps(stretch);
+  }
+
+  GapFiller& filler_;
+  const Index num_stretches_;
+  Index num_begun_;
+  std::array<Index, 2> stretch_{0, kNone};
+  std::size_t last_ = 1;
+};
+
+GapFilling GapFiller::fill_together(Rng& rng, const GapFillLimits& limits, const Enter& enter, const EnterSites& enter_sites) {
+  Run run = start(rng, limits);
+  ScratchPool<FragmentGap> gaps;
+  const auto measure = [&](const std::vector<RestrictedPowerDiagram::Polygon>& polygons, std::vector<double>& weights) {
+    const auto gap = gaps.lend([] { return std::make_unique<FragmentGap>(); });
+    for (const auto& polygon : polygons) weights.push_back(gap_weight(polygon, *gap));
+  };
+  Turns turns(*this);
+  Arrivals now, next;
+  Index stretch = kNone, other = kNone;  // what these are drawn from
+  Index unseen = kNone;                  // the stretch of samples whose changes have not been looked at
+  const auto is_over = [&] { return run.result.end != GapFilling::End::kFilled; };
+  const auto see_changes = [&] {
+    if (unseen == kNone) return;
+    current_ = std::exchange(unseen, kNone);
+    enter_changes();
+  };
+  for (;;) {
+    if (now.empty()) {
+      see_changes();
+      stretch = is_over() ? kNone : turns.next(true);
+      if (stretch == kNone) return run.result;
+      draw_samples(run, stretch, enter, now);
+      if (now.empty()) continue;
+    }
+    const auto draw_others = [&] {
+      see_changes();
+      other = is_over() ? kNone : turns.next(false);
+      if (other != kNone) draw_samples(run, other, enter, next);
+    };
+    enter_sites(now, next, draw_others, measure);
+    unseen = stretch;
+    now.clear();
+    std::swap(now, next);
+    if (other != kNone) stretch = other;
+  }
+}
+
+void GapFiller::draw_samples(Run& run, Index stretch, const Enter& enter, Arrivals& drawn) {
+  const Stretch& from = stretches_[slot(stretch)];
+  const Index count = std::clamp<Index>(from.num_gaps / kGapsPerSample, 1, kMostTogether);
+  for (Index k = 0; k < count && has_gaps(stretch) && goes_on(run); ++k) {
+    Sample sample;
+    Index near = kNone;
+    if (!draw_sample(run, stretch, sample, near)) continue;
+    enter(sample, near);
+    drawn.add({sample.position().x(), sample.position().y(), sample.position().z(), sample.radius * sample.radius}, near);
+  }
+}
+
+/// What is left of one stretch becomes part of another.
+void GapFiller::move_gaps(Index from, Index to) {
+  Stretch left = std::exchange(stretches_[slot(from)], {});
+  current_ = to;
+  for (std::size_t at = 0; at < left.fragment_at.size(); ++at) {
+    const double weight = left.gaps.weight(static_cast<Index>(at));
+    const Index f = left.fragment_at[at];
+    Place& place = place_of_[slot(f)];
+    if (place.stretch != from || slot(place.at) != at) continue;  // used again elsewhere
+    place = {};
+    if (weight > 0) set_weight(f, weight);
+  }
+}
+
+/// Looks at what has changed, where that has not been measured.
+void GapFiller::enter_changes() {
+  const std::vector<Index>& changed = diagram_.changed();
+  for (std::size_t k = 0; k < changed.size(); ++k) {
+    const double weight = diagram_.measured()[k];
+    set_weight(changed[k], std::isnan(weight) ? gap_weight(changed[k], gap_) : weight);
+  }
 }
 
 /// A gap is chosen by `weight`, its area times a bound of ρ, and darts in it are uniform: what is more than ρ is left out, and

@@ -35,6 +35,9 @@ class SumTree {
   /// i ≥ 0; weights not set are 0.
   void set(Index i, double weight);
 
+  /// All weights at once, in place of what was there. O(n).
+  void assign(const std::vector<double>& weights);
+
   double weight(Index i) const { return slot(i) < leaves_ ? nodes_[leaves_ + slot(i)] : 0.0; }
 
   /// Where the running sum of weights passes u times their total, u in [0, 1): a place of positive weight. Requires
@@ -42,6 +45,8 @@ class SumTree {
   Index pick(double u) const;
 
  private:
+  void add_up();
+
   std::vector<double> nodes_;  ///< children of node i: 2i and 2i + 1; leaves last
   std::size_t leaves_ = 0;
 };
@@ -69,8 +74,10 @@ class GapFiller {
   /// to undo it all takes notes. `near`: a site close to it. The filler looks at the diagram's changed() afterwards.
   using Enter = std::function<void(const Sample& sample, Index near)>;
 
-  /// Enters samples that are in the disks by now into the diagram, as RestrictedPowerDiagram::insert_together() does.
-  using EnterSites = std::function<void(const std::vector<WeightedPoint>& sites, const std::vector<Index>& near)>;
+  /// Enters samples that are in the disks by now into the diagram: RestrictedPowerDiagram::insert_together().
+  using Arrivals = RestrictedPowerDiagram::Arrivals;
+  using EnterSites = std::function<void(Arrivals& now, Arrivals& next, const std::function<void()>& draw,
+                                        const RestrictedPowerDiagram::Measure& measure)>;
 
   /// All must outlive it. The disks are the sites of the diagram that are not removed, with radii whose rounded squares are
   /// their weights.
@@ -89,18 +96,13 @@ class GapFiller {
   /// Has one of these fragments a gap? They are not looked at as by look_at().
   bool has_gap_in(const std::vector<Index>& fragments);
   /// Darts into the gaps of what was looked at, and of what changes meanwhile.
-  GapFilling fill(Rng& rng, const GapFillLimits& limits, const Enter& enter) { return fill(rng, limits, enter, nullptr); }
-  /// By the same law, with several samples at a time entered into the diagram: `enter` enters a sample into everything else.
-  /// Darts are thrown into the gaps as they were before those, and one that lies in a disk of these is left out. Requires
-  /// can_fill_together().
-  GapFilling fill_together(Rng& rng, const GapFillLimits& limits, const Enter& enter, const EnterSites& enter_sites) {
-    return fill(rng, limits, enter, &enter_sites);
-  }
-  /// Does no sample that it enters hide another in the diagram? By the max rule, and with equal radii, no centre lies in
-  /// another disk, and so each in its own cell; disks that know their surface may reach over a centre on another sheet.
-  bool can_fill_together() const {
-    return !disks_.knows_surface() && (radii_.uniform() || radii_.rule() == ConflictRule::kMax);
-  }
+  GapFilling fill(Rng& rng, const GapFillLimits& limits, const Enter& enter);
+  /// By the same law, with several samples at a time entered into the diagram: `enter` enters a sample into everything else,
+  /// maybe on another thread. Darts are thrown into the gaps as they were some samples ago, and one that lies in a disk of
+  /// these is left out. Requires can_fill_together().
+  GapFilling fill_together(Rng& rng, const GapFillLimits& limits, const Enter& enter, const EnterSites& enter_sites);
+  /// Is a dart's disk decided by the disks alone? By the max rule, and with equal radii.
+  bool can_fill_together() const { return radii_.uniform() || radii_.rule() == ConflictRule::kMax; }
 
  private:
   /// Gaps among which one is chosen.
@@ -115,10 +117,29 @@ class GapFiller {
   };
   enum class Dart { kStays, kThinned, kTaken, kNoRoom };
 
-  GapFilling fill(Rng& rng, const GapFillLimits& limits, const Enter& enter, const EnterSites* enter_sites);
+  /// A run of fill().
+  struct Run {
+    Rng& rng;
+    const GapFillLimits& limits;
+    GapFilling result;
+    double at_start = 0;  ///< total weight
+    double done = 0;
+    std::uint64_t gaps = 0;  ///< chosen
+    int thinned = 0;         ///< darts in a row
+  };
 
+  class Turns;
+
+  Run start(Rng& rng, const GapFillLimits& limits) const;
+  bool goes_on(Run& run) const;
+  bool draw_sample(Run& run, Index stretch, Sample& sample, Index& near);
+  void draw_samples(Run& run, Index stretch, const Enter& enter, Arrivals& drawn);
+  bool has_gaps(Index stretch) const { return stretches_[slot(stretch)].gaps.total() > 0; }
+  void move_gaps(Index from, Index to);
+  void enter_changes();
   std::vector<double> all_weights(const Execution& execution) const;
   double gap_weight(Index f, FragmentGap& gap) const;
+  double gap_weight(const RestrictedPowerDiagram::Polygon& polygon, FragmentGap& gap) const;
   void set_weight(Index f, double weight);
   void refresh(Index f) { set_weight(f, gap_weight(f, gap_)); }
   double total_weight() const;

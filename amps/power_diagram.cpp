@@ -499,11 +499,12 @@ void RestrictedPowerDiagram::make_records(const Batch& batch) {
 void RestrictedPowerDiagram::update_reach(Index s) {
   if (!visible(s)) {
     reach_[slot(s)] = kNoCell;
-    return;
+  } else {
+    measure_reach(s);
   }
-  measure_reach(s);
 }
 
+/// The same of a site whose cell is known to be there, whatever is in the triangulation by now.
 void RestrictedPowerDiagram::measure_reach(Index s) {
   double reach = 0;
   for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {

@@ -38,6 +38,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <utility>
@@ -144,12 +145,23 @@ class RestrictedPowerDiagram {
   /// (kNone: anywhere). Expected O(1) with a good hint on Poisson-disk-like sets. Throws Error(kInvalidArgument) if not finite.
   AMPS_EXPORT Index insert(const Vec3& position, double weight, Index near = kNone);
 
-  /// Inserts sites at once, over disks that are balls, for gap filling; their ids are num_sites(), … in order. near[k]: a site
-  /// close to the k-th that is there already. The fragments are those of one insert() after the other; their slots, too, are
-  /// the same for any number of threads, which find cells that are not near each other side by side. Requires that none hides
-  /// another site or is hidden, and finite coordinates.
-  AMPS_EXPORT void insert_together(const std::vector<WeightedPoint>& sites, const std::vector<Index>& near,
+  /// Sites that enter together, in order, and a site close to each that is there already (kNone: anywhere).
+  class Arrivals;
+  /// What a caller wants to know of polygons of the diagram: one number each, whatever the thread.
+  using Measure = std::function<void(const std::vector<Polygon>& polygons, std::vector<double>& values)>;
+
+  /// Inserts sites at once, for gap filling; their ids are num_sites(), … in order. The diagram, to the slots of its fragments,
+  /// is that of one insert() after the other. On several threads most cells are found side by side; meanwhile, on one of them,
+  /// `draw` may look at the diagram as it was before the call, changed() included, and give to `next` what the next call
+  /// inserts, at most kMostArrivals: that enters the triangulation beside the cells. Until it has its cells, the diagram is
+  /// good for nothing but that next call, for its fragments, and for sites below num_sites(). Requires finite coordinates.
+  ///
+  /// Afterwards changed() is in the order of changes, each fragment once; changed_sites() is empty; and measured()[k] is what
+  /// `measure` says of changed()[k], NaN where nobody has asked by now.
+  AMPS_EXPORT void insert_together(Arrivals& now, Arrivals& next, const std::function<void()>& draw, const Measure& measure,
                                    const Execution& execution);
+  static constexpr std::size_t kMostArrivals = 1024;
+  const std::vector<double>& measured() const { return measured_; }
 
   /// Removes a site, visible or not: its neighbours, and sites that it has hidden, share its fragments. The diagram is then
   /// that of the other sites alone, bit by bit; what has a fragment in none of the facets that it had one in stays untouched.
@@ -290,7 +302,7 @@ class RestrictedPowerDiagram {
     std::vector<FacetsOfSite> lists;  ///< of neighbours, as they were when each was first asked for
   };
 
-  /// What a new site takes, found before any of it is stored.
+  /// A new site, and what it takes, found before any of it is stored.
   struct NewCell {
     struct Cut {
       Index fragment, site, size;  ///< size: of what is left of it
@@ -300,13 +312,18 @@ class RestrictedPowerDiagram {
       Index facet, size;
       detail::PackedBall ball;
     };
-    Index site = kNone;
-    std::vector<Index> around;  ///< the neighbours of the site
-    std::vector<Cut> cuts;      ///< grouped by site
+    WeightedPoint point{};
+    Index near = kNone, site = kNone;
+    bool visible = false;       ///< once it was in the triangulation
+    std::vector<Index> around;  ///< its neighbours then, and what it has hidden; vertices of the triangulation
+    std::vector<Index> hidden;
+    std::vector<Cut> cuts;  ///< grouped by site
     std::vector<Piece> pieces;
     std::vector<detail::PackedBarycentric> corners;  ///< of what is left by the cuts, and of the pieces
     std::vector<Index> labels;
+    std::vector<double> values;  ///< measured, likewise
   };
+  struct CellScratch;
 
   /// Of a local facet the sites that reach it. A long list is not tidy any more once one goes, or comes back: then some are
   /// gone, or are there twice, until it has `most`.
@@ -378,16 +395,24 @@ class RestrictedPowerDiagram {
                      const Index* labels, Index size, EditRecord& edit);
   void free_fragment(Index f, EditRecord& edit);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
-  std::vector<Index> clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper, EditRecord& edit);
+  void clip_touched(Index by, CellScratch& scratch, EditRecord& edit);
   void prefetch_polygon(Index f) const;
   void prefetch_facet_corners(Index facet) const;
   std::uint32_t new_stamp();
   std::vector<Index> link_of(Index s);
   Index hint_cell(Index near) const;
-  bool take_cell(Index s, const std::vector<Index>& around, EditRecord& edit);
-  std::vector<Index> find_touched(Index s, const std::vector<Index>& around, std::vector<Plane>& planes) const;
-  void find_cell(Clipper& clipper, NewCell& cell) const;
+  void enter_triangulation(NewCell& cell);
+  void add_site(const NewCell& cell);
+  std::size_t find_cells(Arrivals& now, Arrivals& next, const std::function<void()>& draw, const Measure& measure,
+                         const Execution& execution);
+  bool take_cell(const NewCell& cell, CellScratch& scratch, EditRecord& edit);
+  void find_touched(const NewCell& cell, CellScratch& scratch) const;
+  void find_cell(NewCell& cell, CellScratch& scratch) const;
+  void measure_cells(NewCell* begin, NewCell* end, const Measure& measure) const;
+  bool is_cell_right(const NewCell& cell, Index first, CellScratch& scratch) const;
   void store_cell(const NewCell& cell);
+  void forget_hidden(const NewCell& cell);
+  void note_changes(std::size_t from, const std::vector<double>* values);
   void retake_cell(Index s);
   void add_uncovered(std::vector<Index>& candidates);
   bool divide_cell(Index s, const std::vector<Index>& candidates, EditRecord& edit);
@@ -408,7 +433,7 @@ class RestrictedPowerDiagram {
   // Local facets (power_diagram_local.cpp).
   void find_local_facets(const Execution& execution);
   bool is_foreign(Index f) const;
-  void localize_foreign(Index owner);
+  void localize_foreign(Index owner, std::size_t from);
   void make_local(Index facet);
   std::vector<Index> find_sites_near(const std::vector<Index>& facets);
   void add_local_site(Index facet, Index s);
@@ -421,7 +446,7 @@ class RestrictedPowerDiagram {
   void clear_facet(Index facet);
   void divide_locally(Index facet);
   void clip_locally(Index facet, Index owner, Clipper& clipper) const;
-  void enter_local_facets(Index s);
+  void enter_local_facets(Index s, const std::vector<Index>& hidden, std::size_t from);
   void enter_local_facet(Index facet, Index s, Clipper& clipper);
   std::vector<Index> cut_local_fragments(Index facet, Index s, const std::vector<Index>& from, Clipper& clipper);
   bool enter_large_facet(Index facet, Index s, Clipper& clipper);
@@ -456,8 +481,10 @@ class RestrictedPowerDiagram {
   double min_weight_ = 0;                          ///< theirs
   Index num_guards_ = 0;                           ///< sites in that box and not lighter
   Index num_fragments_ = 0;
-  EditRecord edit_;                   ///< of the last insert(), remove() or reinsert()
-  std::vector<std::uint32_t> stamp_;  ///< by vertex of the triangulation: scratch of edits
+  EditRecord edit_;  ///< of the last insert(), remove() or reinsert()
+  std::vector<double> measured_;
+  std::vector<bool> is_changed_, is_changed_again_;  ///< by fragment: scratch of insert_together()
+  std::vector<std::uint32_t> stamp_;                 ///< by vertex of the triangulation: scratch of edits
   std::uint32_t last_stamp_ = 0;
   std::vector<std::uint32_t> mark_;  ///< by vertex of the triangulation: the last edit side by side that was near it
   std::uint32_t first_mark_ = 1;     ///< of the edits under way
@@ -476,11 +503,8 @@ class RestrictedPowerDiagram::PendingEdit {
   friend class RestrictedPowerDiagram;
 
   struct Step {
-    Index site = kNone;
+    NewCell cell;  ///< of what is removed, too: its place and the neighbours it had
     bool enters = false;
-    Vec3 position = Vec3::Zero();  ///< of what is removed
-    double weight = 0;
-    std::vector<Index> around;  ///< vertices of the triangulation: the neighbours it has got, or had
   };
   Step& add_step();
 
@@ -504,6 +528,24 @@ class RestrictedPowerDiagram::PendingEdits {
 
   std::vector<PendingEdit> edits_;
   std::mutex pages_;
+};
+
+class RestrictedPowerDiagram::Arrivals {
+ public:
+  void add(const WeightedPoint& site, Index near) {
+    if (count_ == cells_.size()) cells_.emplace_back();
+    cells_[count_].point = site;
+    cells_[count_++].near = near;
+  }
+  bool empty() const { return count_ == 0; }
+  std::size_t size() const { return count_; }
+  void clear() { count_ = num_triangulated_ = 0; }
+
+ private:
+  friend class RestrictedPowerDiagram;
+  std::vector<NewCell> cells_;  ///< keep their memory
+  std::size_t count_ = 0;
+  std::size_t num_triangulated_ = 0;  ///< of them, the first ones
 };
 
 namespace detail {

@@ -359,4 +359,13 @@ class RestrictedPowerDiagram::Clipper {
   Placed unknown_{{0, 0}, Vec3::Zero()};
 };
 
+/// Memory of finding and taking cells, of one thread, while no site changes.
+struct RestrictedPowerDiagram::CellScratch {
+  explicit CellScratch(const RestrictedPowerDiagram& diagram) : clipper(diagram) { clipper.remember_crossings(); }
+
+  Clipper clipper;
+  std::vector<Plane> planes;           ///< of the new site, by offset
+  std::vector<Index> touched, facets;  ///< fragments it may take something from; where it has
+};
+
 }  // namespace amps

@@ -2,9 +2,12 @@
 #include "amps/power_diagram.h"
 
 #include "amps/power_diagram_clipper.h"
+#include "amps/thread_pool.h"
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -20,15 +23,34 @@ Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index 
   if (status_ == Outcome::kCancelled) {
     throw Error(ErrorCode::kCancelled, "restricted power diagram: its construction was cancelled; make a new one");
   }
-  const Index s = triangulation_.insert(position, weight, hint_cell(near)) - kSentinels;
+  NewCell cell;
+  cell.point = {position.x(), position.y(), position.z(), weight};
+  cell.near = near;
+  enter_triangulation(cell);
+  add_site(cell);
+  edit_.clear();
+  CellScratch scratch(*this);
+  if (cell.visible) take_cell(cell, scratch, edit_);
+  if (reach_lists_ != nullptr) enter_local_facets(cell.site, cell.hidden, 0);
+  finish_edit();
+  return cell.site;
+}
+
+/// What is in the triangulation of a new site is noted in its cell, for whenever that is found.
+void RestrictedPowerDiagram::enter_triangulation(NewCell& cell) {
+  const Index v = triangulation_.insert(cell.point.position(), cell.point.w, hint_cell(cell.near));
+  cell.site = v - kSentinels;
+  cell.visible = triangulation_.state(v) == RegularTriangulation::VertexState::kVisible;
+  cell.around = triangulation_.neighbors_of_last_insertion();
+  cell.hidden = triangulation_.hidden_by_last_insertion();
+}
+
+/// A site of the triangulation becomes one of the diagram, without a cell as yet.
+void RestrictedPowerDiagram::add_site(const NewCell& cell) {
+  AMPS_ASSERT(cell.site == num_sites());
   first_of_site_.push_back(kNone);
   reach_.push_back(kNoCell);
-  num_guards_ += is_guard(s);
-  edit_.clear();
-  if (visible(s)) take_cell(s, triangulation_.neighbors_of_last_insertion(), edit_);
-  if (reach_lists_ != nullptr) enter_local_facets(s);
-  finish_edit();
-  return s;
+  num_guards_ += is_guard(cell.site);
 }
 
 void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weight, Index near) {
@@ -40,7 +62,7 @@ void RestrictedPowerDiagram::reinsert(Index s, const Vec3& position, double weig
   num_guards_ += is_guard(s);
   edit_.clear();
   if (visible(s)) retake_cell(s);
-  if (reach_lists_ != nullptr) enter_local_facets(s);
+  if (reach_lists_ != nullptr) enter_local_facets(s, triangulation_.hidden_by_last_insertion(), 0);
   finish_edit();
 }
 
@@ -56,129 +78,189 @@ void RestrictedPowerDiagram::list_new_neighbors(Index s, std::vector<Index>& aro
 
 /// Gives a site that has been put back its cell.
 void RestrictedPowerDiagram::retake_cell(Index s) {
-  std::vector<Index> around;
-  list_new_neighbors(s, around);
-  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+  NewCell cell;
+  cell.site = s;
+  list_new_neighbors(s, cell.around);
+  cell.hidden = triangulation_.hidden_by_last_insertion();
+  for (const Index v : cell.hidden) {
     const WeightedPoint &p = site(s), &q = triangulation_.point(v);
     if (v < kSentinels || p.position() != q.position() || p.w != q.w) continue;
     // Its duplicate had the cell until now, and no bisector tells the two apart.
-    neighbors(s, around);
-    around.push_back(s);
+    neighbors(s, cell.around);
+    cell.around.push_back(s);
     reach_[slot(s)] = 0;
-    divide_cell(v - kSentinels, around, edit_);
+    divide_cell(v - kSentinels, cell.around, edit_);
     return;
   }
-  take_cell(s, around, edit_);
+  CellScratch scratch(*this);
+  take_cell(cell, scratch, edit_);
 }
 
-/// Gives a new site its cell. `around`: its neighbours, vertices of the triangulation. False, and nothing has changed, where an
-/// edit beside others has too few slots.
-bool RestrictedPowerDiagram::take_cell(Index s, const std::vector<Index>& around, EditRecord& edit) {
-  std::vector<Plane> planes;
-  std::vector<Index> touched = find_touched(s, around, planes);
-  if (edit.beside_others) {
-    if (touched.size() > edit.slots.size()) return false;
-  } else {
-    for (const Index v : triangulation_.hidden_by_last_insertion()) {
-      if (v >= kSentinels && v != s + kSentinels) find_touched(v - kSentinels, s, touched);
-    }
-  }
-  Clipper clipper(*this);
-  clipper.remember_crossings();
-  std::vector<Index> facets = clip_touched(touched, s, clipper, edit);
-  if (!edit.beside_others) {
-    for (const Index v : triangulation_.hidden_by_last_insertion()) {
-      if (v >= kSentinels && v != s + kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
-    }
-  }
+/// Gives a new site its cell. False, and nothing has changed, where an edit beside others has too few slots.
+bool RestrictedPowerDiagram::take_cell(const NewCell& cell, CellScratch& scratch, EditRecord& edit) {
+  find_touched(cell, scratch);
+  if (edit.beside_others && scratch.touched.size() > edit.slots.size()) return false;
+  clip_touched(cell.site, scratch, edit);
+  forget_hidden(cell);
+  std::vector<Index>& facets = scratch.facets;
   std::sort(facets.begin(), facets.end());
   facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
+  Clipper& clipper = scratch.clipper;
   for (const Index facet : facets) {
     clipper.set_facet(facet);
-    clipper.start(s);
-    clipper.clip_all(planes.data(), planes.data() + planes.size());
+    clipper.start(cell.site);
+    clipper.clip_all(scratch.planes.data(), scratch.planes.data() + scratch.planes.size());
     AMPS_ASSERT(!clipper.empty());
-    add_fragment(facet, s, clipper, edit);
+    add_fragment(facet, cell.site, clipper, edit);
   }
-  update_reach(s);
+  measure_reach(cell.site);
   return true;
 }
 
-/// Lists the fragments of neighbours from which the cell of a new site may take something, grouped by site, and its planes.
-std::vector<Index> RestrictedPowerDiagram::find_touched(Index s, const std::vector<Index>& around,
-                                                        std::vector<Plane>& planes) const {
-  // The new cell takes its place from its neighbours, and from the sites it has hidden, and from nobody else.
-  for (const Index v : around) {
-    if (v >= kSentinels) planes.push_back(plane(s, v - kSentinels));
+/// Lists the fragments from which the cell of a new site may take something, grouped by site, and the planes of the new site.
+void RestrictedPowerDiagram::find_touched(const NewCell& cell, CellScratch& scratch) const {
+  // The new cell takes its place from its neighbours and from the sites it has hidden, and from nobody else.
+  std::vector<Plane>& planes = scratch.planes;
+  planes.clear();
+  for (const Index v : cell.around) {
+    if (v >= kSentinels) planes.push_back(plane(cell.site, v - kSentinels));
   }
   std::sort(planes.begin(), planes.end(), detail::NearerPlane());
+  // Neighbours without a cell as yet, if any, have the highest numbers.
+  const auto has_cell = [this](Index s) { return s < num_sites(); };
   for (const Plane& plane : planes) {  // worth a tenth of the time of an insertion, where the fragments exceed the cache
-    const Index first = first_of_site(plane.site);
+    const Index first = has_cell(plane.site) ? first_of_site(plane.site) : kNone;
     if (first == kNone || plane.offset > reach_[slot(plane.site)]) continue;
     const Index last = std::min(first + detail::kFragmentsPrefetched, fragment_capacity());
     for (Index f = first; f < last; ++f) detail::prefetch(&fragments_[slot(f)]);
   }
-  std::vector<Index> touched;
-  for (const Plane& plane : planes) find_touched(plane.site, s, touched);
-  for (const Index f : touched) prefetch_facet_corners(fragments_[slot(f)].facet);
-  return touched;
+  scratch.touched.clear();
+  for (const Plane& plane : planes) {
+    if (has_cell(plane.site)) find_touched(plane.site, cell.site, scratch.touched);
+  }
+  for (const Index v : cell.hidden) {
+    if (v >= kSentinels && has_cell(v - kSentinels)) find_touched(v - kSentinels, cell.site, scratch.touched);
+  }
+  for (const Index f : scratch.touched) prefetch_facet_corners(fragments_[slot(f)].facet);
 }
 
 // Many at once
 //
-// All enter the triangulation first. A site whose neighbours neither are new nor neighbour another new site takes its cell from
-// fragments that no other one touches: such cells are found side by side. The others follow one after the other. Either way a
-// cell is that among the sites which had entered before, as if all had come one by one.
+// On several threads cells are found side by side, as if each were the first one, and stored one after another. What an earlier
+// one has changed shows in its marks: a cell that takes something of a fragment changed since, or of a site that came since, is
+// found anew. All others are what they would have been. Let t take a point x. If x was somebody's who was there before, whose
+// fragment has not changed, t was found to take it from there. Else x is now in a changed fragment of such a one, and marked;
+// or it came to a new site s. Then s is a neighbour of t, whose fragments are looked at.
+//
+// Beside the cells, one thread brings the sites to come into the triangulation. Nothing of that is read: of their triangulation
+// cells need only what was noted when their site entered it, and the positions of sites.
 
-void RestrictedPowerDiagram::insert_together(const std::vector<WeightedPoint>& sites, const std::vector<Index>& near,
-                                             const Execution& execution) {
-  AMPS_ASSERT(status_ != Outcome::kCancelled && reach_lists_ == nullptr && near.size() == sites.size());
+void RestrictedPowerDiagram::insert_together(Arrivals& now, Arrivals& next, const std::function<void()>& draw,
+                                             const Measure& measure, const Execution& execution) {
+  AMPS_ASSERT(status_ != Outcome::kCancelled && next.empty());
+  const Index first = num_sites();
+  std::size_t num_found = 0;
+  if (execution.workers() == 1) {
+    draw();
+  } else {
+    num_found = find_cells(now, next, draw, measure, execution);
+  }
   edit_.clear();
-  const bool alone = execution.workers() == 1;
-  std::vector<NewCell> apart, others;
-  const std::uint32_t stamp = new_stamp();
-  stamp_.resize(slot(triangulation_.num_vertices()) + sites.size(), 0);
-  for (std::size_t k = 0; k < sites.size(); ++k) {
-    NewCell cell;
-    cell.site = triangulation_.insert(sites[k].position(), sites[k].w, hint_cell(near[k])) - kSentinels;
-    AMPS_ASSERT(triangulation_.hidden_by_last_insertion().empty());
-    cell.around = triangulation_.neighbors_of_last_insertion();
-    first_of_site_.push_back(kNone);
-    reach_.push_back(kNoCell);
-    num_guards_ += is_guard(cell.site);
-    bool is_apart = true;
-    for (const Index v : cell.around) {
-      if (v >= kSentinels && std::exchange(stamp_[slot(v)], stamp) == stamp) is_apart = false;
+  measured_.clear();
+  CellScratch scratch(*this);
+  for (std::size_t k = 0; k < now.size(); ++k) {
+    NewCell& cell = now.cells_[k];
+    if (k >= now.num_triangulated_) enter_triangulation(cell);  // while what is around is in the cache
+    const std::size_t from = edit_.changed.size();
+    const bool is_right = k < num_found && is_cell_right(cell, first, scratch);
+    add_site(cell);
+    if (is_right) {
+      store_cell(cell);
+    } else if (cell.visible) {
+      take_cell(cell, scratch, edit_);
     }
-    stamp_[slot(cell.site + kSentinels)] = stamp;
-    if (is_apart && alone) {  // while what is around is in the cache
-      take_cell(cell.site, cell.around, edit_);
-    } else {
-      (is_apart ? apart : others).push_back(std::move(cell));
-    }
+    if (reach_lists_ != nullptr) enter_local_facets(cell.site, cell.hidden, from);
+    note_changes(from, is_right ? &cell.values : nullptr);
   }
-  if (!apart.empty()) {
-    constexpr std::size_t kCellsPerPiece = 4;
-    parallel_for(apart.size(), kCellsPerPiece, execution.without_progress(), [&](std::size_t begin, std::size_t end) {
-      Clipper clipper(*this);
-      clipper.remember_crossings();
-      for (std::size_t k = begin; k < end; ++k) find_cell(clipper, apart[k]);
-    });
-    for (const NewCell& cell : apart) store_cell(cell);
+  for (std::size_t k = 0; k < edit_.changed.size(); ++k) {
+    const Index f = edit_.changed[k];
+    is_changed_[slot(f)] = false;
+    if (!is_changed_again_[slot(f)]) continue;
+    is_changed_again_[slot(f)] = false;
+    measured_[k] = std::numeric_limits<double>::quiet_NaN();
   }
-  for (const NewCell& cell : others) take_cell(cell.site, cell.around, edit_);
-  finish_edit();
+  edit_.changed_sites.clear();
+  if (4 * polygons_.unused() > 3 * polygons_.capacity()) compact_polygons();
 }
 
-/// What take_cell() would store.
-void RestrictedPowerDiagram::find_cell(Clipper& clipper, NewCell& cell) const {
+/// Of fragments that one cell has changed, listed `from` there on, those that are new to the list stay in it. `values`: of the
+/// first ones, measured.
+void RestrictedPowerDiagram::note_changes(std::size_t from, const std::vector<double>* values) {
+  is_changed_.resize(fragments_.size());
+  is_changed_again_.resize(fragments_.size());
+  std::size_t kept = from;
+  std::vector<Index>& changed = edit_.changed;
+  for (std::size_t k = from; k < changed.size(); ++k) {
+    const Index f = changed[k];
+    if (is_changed_[slot(f)]) {
+      is_changed_again_[slot(f)] = true;
+      continue;
+    }
+    is_changed_[slot(f)] = true;
+    const bool known = values != nullptr && k - from < values->size();
+    measured_.push_back(known ? (*values)[k - from] : std::numeric_limits<double>::quiet_NaN());
+    changed[kept++] = f;
+  }
+  changed.resize(kept);
+}
+
+/// Finds the first cells of `now`, and returns how many; `next` enters the triangulation beside that.
+std::size_t RestrictedPowerDiagram::find_cells(Arrivals& now, Arrivals& next, const std::function<void()>& draw,
+                                               const Measure& measure, const Execution& execution) {
+  constexpr std::size_t kCellsPerTask = 8, kFewCells = 8;
+  const auto triangulate = [this](Arrivals& arrivals) {
+    for (std::size_t& k = arrivals.num_triangulated_; k < arrivals.size(); ++k) enter_triangulation(arrivals.cells_[k]);
+  };
+  triangulate(now);
+  const std::size_t num_cells = now.size() < kFewCells ? 0 : now.size();
+  const std::size_t num_tasks = (num_cells + kCellsPerTask - 1) / kCellsPerTask;
+  triangulation_.keep_in_place(kMostArrivals);
+  detail::ScratchPool<CellScratch> scratches;
+  parallel_for(1 + num_tasks, 1, execution.without_progress(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t task = begin; task < end; ++task) {
+      if (task == 0) {
+        draw();
+        AMPS_ASSERT(next.size() <= kMostArrivals);
+        triangulate(next);
+        continue;
+      }
+      const auto scratch = scratches.lend([this] { return std::make_unique<CellScratch>(*this); });
+      NewCell* const first = &now.cells_[(task - 1) * kCellsPerTask];
+      NewCell* const last = now.cells_.data() + std::min(task * kCellsPerTask, num_cells);
+      for (NewCell* cell = first; cell != last; ++cell) find_cell(*cell, *scratch);
+      measure_cells(first, last, measure);
+    }
+  });
+  return num_cells;
+}
+
+/// What take_cell() would store, were the site the first one to come.
+void RestrictedPowerDiagram::find_cell(NewCell& cell, CellScratch& scratch) const {
+  cell.cuts.clear();
+  cell.pieces.clear();
+  cell.corners.clear();
+  cell.labels.clear();
+  cell.values.clear();
+  if (!cell.visible) return;
+  Clipper& clipper = scratch.clipper;
   const auto keep = [&] {
     cell.corners.insert(cell.corners.end(), clipper.corners(), clipper.corners() + clipper.size());
     cell.labels.insert(cell.labels.end(), clipper.labels().begin(), clipper.labels().end());
   };
-  std::vector<Plane> planes;
-  std::vector<Index> facets;
-  for (const Index f : find_touched(cell.site, cell.around, planes)) {
+  find_touched(cell, scratch);
+  std::vector<Index>& facets = scratch.facets;
+  facets.clear();
+  for (const Index f : scratch.touched) {
     const Fragment& fragment = fragments_[slot(f)];
     clipper.load(polygon(f));
     if (!clipper.clip(cell.site)) continue;
@@ -191,10 +273,55 @@ void RestrictedPowerDiagram::find_cell(Clipper& clipper, NewCell& cell) const {
   for (const Index facet : facets) {
     clipper.set_facet(facet);
     clipper.start(cell.site);
-    clipper.clip_all(planes.data(), planes.data() + planes.size());
-    AMPS_ASSERT(!clipper.empty());
+    clipper.clip_all(scratch.planes.data(), scratch.planes.data() + scratch.planes.size());
+    if (clipper.empty()) continue;  // others that come before take all of it
     cell.pieces.push_back({facet, clipper.size(), clipper.ball()});
     keep();
+  }
+}
+
+/// Measures what cells have been found to leave and to take.
+void RestrictedPowerDiagram::measure_cells(NewCell* begin, NewCell* end, const Measure& measure) const {
+  std::vector<Polygon> polygons;
+  for (const NewCell* cell = begin; cell != end; ++cell) {
+    const detail::PackedBarycentric* corners = cell->corners.data();
+    const Index* labels = cell->labels.data();
+    const auto list = [&](Index facet, Index site, Index size) {
+      if (size > 0) polygons.push_back({facet, site, {mesh_, facet, corners}, labels, size});
+      corners += size;
+      labels += size;
+    };
+    for (const NewCell::Cut& cut : cell->cuts) list(fragments_[slot(cut.fragment)].facet, cut.site, cut.size);
+    for (const NewCell::Piece& piece : cell->pieces) list(piece.facet, cell->site, piece.size);
+  }
+  std::vector<double> values;
+  measure(polygons, values);
+  auto value = values.begin();
+  for (NewCell* cell = begin; cell != end; ++cell) {
+    for (const NewCell::Cut& cut : cell->cuts) cell->values.push_back(cut.size > 0 ? *value++ : 0.0);
+    for (std::size_t k = 0; k < cell->pieces.size(); ++k) cell->values.push_back(*value++);
+  }
+}
+
+/// Is a cell still what was found? `first`: of the sites that came together.
+bool RestrictedPowerDiagram::is_cell_right(const NewCell& cell, Index first, CellScratch& scratch) const {
+  if (!cell.visible) return false;
+  for (const NewCell::Cut& cut : cell.cuts) {
+    if (slot(cut.fragment) < is_changed_.size() && is_changed_[slot(cut.fragment)]) return false;
+  }
+  scratch.touched.clear();
+  for (const std::vector<Index>* sites : {&cell.around, &cell.hidden}) {
+    for (const Index v : *sites) {
+      if (v - kSentinels >= first) find_touched(v - kSentinels, cell.site, scratch.touched);
+    }
+  }
+  return scratch.touched.empty();
+}
+
+/// Sites that a new one, visible, has hidden have no cell any more.
+void RestrictedPowerDiagram::forget_hidden(const NewCell& cell) {
+  for (const Index v : cell.hidden) {
+    if (v >= kSentinels) reach_[slot(v - kSentinels)] = kNoCell;
   }
 }
 
@@ -212,15 +339,15 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
     corners += cut.size;
     labels += cut.size;
     if (k + 1 < cell.cuts.size() && cell.cuts[k + 1].site == cut.site) continue;
-    edit_.changed_sites.push_back(cut.site);
-    update_reach(cut.site);
+    measure_reach(cut.site);
   }
+  forget_hidden(cell);
   for (const NewCell::Piece& piece : cell.pieces) {
     add_fragment(piece.facet, cell.site, piece.ball, corners, labels, piece.size, edit_);
     corners += piece.size;
     labels += piece.size;
   }
-  update_reach(cell.site);
+  measure_reach(cell.site);
 }
 
 void RestrictedPowerDiagram::finish_edit(EditRecord& edit) {
@@ -248,10 +375,11 @@ void RestrictedPowerDiagram::find_touched(Index site, Index by, std::vector<Inde
   }
 }
 
-/// Takes the cell of `by` off these fragments, grouped by site, and returns the facets where it took something.
-std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>& touched, Index by, Clipper& clipper,
-                                                        EditRecord& edit) {
-  std::vector<Index> facets;
+/// Takes the cell of `by` off the fragments that it touches, and lists the facets where it took something.
+void RestrictedPowerDiagram::clip_touched(Index by, CellScratch& scratch, EditRecord& edit) {
+  const std::vector<Index>& touched = scratch.touched;
+  Clipper& clipper = scratch.clipper;
+  scratch.facets.clear();
   for (std::size_t k = 0; k < touched.size();) {
     const Index site = fragments_[slot(touched[k])].site;
     bool any_clipped = false;
@@ -260,7 +388,7 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
       clipper.load(polygon(f));
       if (!clipper.clip(by)) continue;
       any_clipped = true;
-      facets.push_back(fragments_[slot(f)].facet);
+      scratch.facets.push_back(fragments_[slot(f)].facet);
       edit.changed.push_back(f);
       if (clipper.empty()) {
         free_fragment(f, edit);
@@ -270,9 +398,8 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
     }
     if (!any_clipped) continue;
     edit.changed_sites.push_back(site);
-    measure_reach(site);  // which, in an edit beside others, the triangulation may not have any more
+    measure_reach(site);  // which the triangulation may not have any more, in an edit beside others
   }
-  return facets;
 }
 
 // Fragments that an edit touches are far apart in memory. It asks for all of them before it works on the first: on a mesh that

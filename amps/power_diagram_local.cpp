@@ -55,7 +55,9 @@ bool ball_may_meet(const Corners& corners, Index size, const Vec3& normal, const
 }  // namespace
 }  // namespace detail
 
+/// Lists may have sites that are on their way into the diagram.
 bool RestrictedPowerDiagram::takes_part(Index s) const {
+  if (s >= num_sites()) return false;
   const RegularTriangulation::VertexState state = triangulation_.state(s + kSentinels);
   return state != RegularTriangulation::VertexState::kRemoved && state != RegularTriangulation::VertexState::kDuplicate;
 }
@@ -183,6 +185,7 @@ std::vector<Index> RestrictedPowerDiagram::find_sites_near(const std::vector<Ind
     }
   }
   std::sort(sites.begin(), sites.end());
+  sites.erase(std::lower_bound(sites.begin(), sites.end(), num_sites()), sites.end());  // those that are on their way
   return sites;
 }
 
@@ -230,11 +233,12 @@ void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
   edit_.clear();
 }
 
-/// Fragments that an edit has changed may be foreign now: after an insertion those of the new owner, since all others have
-/// shrunk; after a removal (kNone) any.
-void RestrictedPowerDiagram::localize_foreign(Index owner) {
+/// Fragments that an edit has changed, those listed `from` there on, may be foreign now: after an insertion those of the new
+/// owner, since all others have shrunk; after a removal (kNone) any.
+void RestrictedPowerDiagram::localize_foreign(Index owner, std::size_t from) {
   std::vector<Index> facets;
-  for (const Index f : edit_.changed) {
+  for (std::size_t k = from; k < edit_.changed.size(); ++k) {
+    const Index f = edit_.changed[k];
     if (!alive(f) || (owner != kNone && fragments_[slot(f)].site != owner) || local(fragments_[slot(f)].facet)) continue;
     if (is_foreign(f)) facets.push_back(fragments_[slot(f)].facet);
   }
@@ -362,14 +366,15 @@ void RestrictedPowerDiagram::clip_locally(Index facet, Index owner, Clipper& cli
   }
 }
 
-void RestrictedPowerDiagram::enter_local_facets(Index s) {
+/// `hidden`: by s, vertices of the triangulation. What its entering has changed by now is listed `from` there on.
+void RestrictedPowerDiagram::enter_local_facets(Index s, const std::vector<Index>& hidden, std::size_t from) {
   if (!site_tree_.empty()) insert_into_site_tree(s);
   if (!local_.empty()) {
     for (const Index facet : reach_lists_->facets(s)) {
       if (local(facet)) add_local_site(facet, s);
     }
   }
-  for (const Index v : triangulation_.hidden_by_last_insertion()) {
+  for (const Index v : hidden) {
     // Its duplicate: no bisector tells the two apart.
     if (v >= kSentinels && v != s + kSentinels && !takes_part(v - kSentinels)) give_local_facets_away(v - kSentinels);
   }
@@ -380,7 +385,7 @@ void RestrictedPowerDiagram::enter_local_facets(Index s) {
         enter_local_facet(facet, s, clipper);
     }
   }
-  localize_foreign(s);
+  localize_foreign(s, from);
 }
 
 /// A fragment of a local facet near x, found from that of a site near by, or else the facet's first one, by moving to whoever
@@ -495,7 +500,7 @@ void RestrictedPowerDiagram::leave_local_facets(Index s) {
     }
   }
   give_local_facets_away(s);
-  localize_foreign(kNone);
+  localize_foreign(kNone, 0);
 }
 
 /// Divides what s, which takes no part any more, has in local facets.

@@ -12,6 +12,8 @@
 #define AMPS_OWN_SOURCE
 #include "amps/power_diagram.h"
 
+#include "amps/power_diagram_clipper.h"
+
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -35,7 +37,7 @@ constexpr std::size_t kPagesPerEdit = 2 * kSlotsHeld;
 RestrictedPowerDiagram::PendingEdit::Step& RestrictedPowerDiagram::PendingEdit::add_step() {
   if (num_steps_ == steps_.size()) steps_.emplace_back();
   Step& step = steps_[num_steps_++];
-  step.around.clear();
+  step.cell.around.clear();
   return step;
 }
 
@@ -107,12 +109,12 @@ bool RestrictedPowerDiagram::reinsert_pending(PendingEdit& edit, Index s, const 
 bool RestrictedPowerDiagram::enter_pending(PendingEdit& edit, Index s) {
   num_guards_ += is_guard(s);
   PendingEdit::Step& step = edit.add_step();
-  step.site = s;
+  step.cell.site = s;
   step.enters = true;
   if (!visible(s) || !triangulation_.hidden_by_last_insertion().empty()) return false;
-  list_new_neighbors(s, step.around);
+  list_new_neighbors(s, step.cell.around);
   bool apart = mark_pending(edit, s + kSentinels, true);
-  for (const Index v : step.around) {
+  for (const Index v : step.cell.around) {
     if (v < kSentinels) continue;
     const bool changes = !(plane(v - kSentinels, s).offset > reach_[slot(v - kSentinels)]);
     apart = mark_pending(edit, v, changes) && apart;
@@ -122,13 +124,12 @@ bool RestrictedPowerDiagram::enter_pending(PendingEdit& edit, Index s) {
 
 bool RestrictedPowerDiagram::remove_pending(PendingEdit& edit, Index s) {
   PendingEdit::Step& step = edit.add_step();
-  step.site = s;
+  step.cell.site = s;
   step.enters = false;
-  step.position = site(s).position();
-  step.weight = site(s).w;
-  if (visible(s)) step.around = link_of(s);
-  bool apart = !step.around.empty() && num_guards_ > 1 && mark_pending(edit, s + kSentinels, true);
-  for (const Index v : step.around) apart = mark_pending(edit, v, true) && apart;
+  step.cell.point = site(s);
+  if (visible(s)) step.cell.around = link_of(s);
+  bool apart = !step.cell.around.empty() && num_guards_ > 1 && mark_pending(edit, s + kSentinels, true);
+  for (const Index v : step.cell.around) apart = mark_pending(edit, v, true) && apart;
   num_guards_ -= is_guard(s);
   const Index hidden = triangulation_.num_hidden();
   triangulation_.remove(s + kSentinels);
@@ -139,31 +140,32 @@ void RestrictedPowerDiagram::withdraw_pending(PendingEdit& edit) {
   for (; edit.num_steps_ > 0; --edit.num_steps_) {
     const PendingEdit::Step& step = edit.steps_[edit.num_steps_ - 1];
     if (step.enters) {
-      num_guards_ -= is_guard(step.site);
-      triangulation_.remove(step.site + kSentinels);
+      num_guards_ -= is_guard(step.cell.site);
+      triangulation_.remove(step.cell.site + kSentinels);
       continue;
     }
     Index near = kNone;
-    for (const Index v : step.around) near = v >= kSentinels ? v - kSentinels : near;
-    triangulation_.reinsert(step.site + kSentinels, step.position, step.weight, hint_cell(near));
-    num_guards_ += is_guard(step.site);
+    for (const Index v : step.cell.around) near = v >= kSentinels ? v - kSentinels : near;
+    triangulation_.reinsert(step.cell.site + kSentinels, step.cell.point.position(), step.cell.point.w, hint_cell(near));
+    num_guards_ += is_guard(step.cell.site);
   }
 }
 
 /// All steps there are slots for.
 void RestrictedPowerDiagram::run_steps(PendingEdit& edit) {
+  CellScratch scratch(*this);
   for (; edit.next_step_ < edit.num_steps_; ++edit.next_step_) {
     const PendingEdit::Step& step = edit.steps_[edit.next_step_];
     if (step.enters) {
-      if (!take_cell(step.site, step.around, edit.record_)) return;
+      if (!take_cell(step.cell, scratch, edit.record_)) return;
       continue;
     }
     std::vector<Index> candidates;
-    candidates.reserve(step.around.size());
-    for (const Index v : step.around) {
+    candidates.reserve(step.cell.around.size());
+    for (const Index v : step.cell.around) {
       if (v >= kSentinels) candidates.push_back(v - kSentinels);
     }
-    if (!divide_cell(step.site, candidates, edit.record_)) return;
+    if (!divide_cell(step.cell.site, candidates, edit.record_)) return;
   }
 }
 
@@ -196,11 +198,11 @@ void RestrictedPowerDiagram::join(PendingEdit& edit) {
   record.freed.clear();
   if (site_tree_.empty()) return;
   for (std::size_t k = 0; k < edit.num_steps_; ++k) {
-    const Index s = edit.steps_[k].site;
+    const Index s = edit.steps_[k].cell.site;
     if (edit.steps_[k].enters) {
       insert_into_site_tree(s);
     } else {
-      site_tree_.remove(edit.steps_[k].position, s);
+      site_tree_.remove(edit.steps_[k].cell.point.position(), s);
     }
   }
 }
@@ -209,7 +211,7 @@ bool RestrictedPowerDiagram::finish(PendingEdit& edit) {
   if (edit.is_late_ || edit.has_foreign_) {
     edit_.changed = std::move(edit.record_.changed);
     edit_.changed_sites = std::move(edit.record_.changed_sites);
-    if (reach_lists_ != nullptr) localize_foreign(kNone);
+    if (reach_lists_ != nullptr) localize_foreign(kNone, 0);
     finish_edit();
     std::swap(edit.record_.changed, edit_.changed);
     std::swap(edit.record_.changed_sites, edit_.changed_sites);

@@ -152,21 +152,23 @@ std::unique_ptr<RestrictedPowerDiagram> run_gap_filling(SamplingTask& task, cons
   GapFillLimits limits;
   limits.execution = &throwing;
   const auto enter = [&](const Sample& sample) {
-    diagram->compact(throwing);
     task.add(sample);
     ++task.report.gap_samples;
   };
   const auto fill = [&] {
     if (!filler.can_fill_together()) {
       return filler.fill(task.rng, limits, [&](const Sample& sample, Index near) {
+        diagram->compact(throwing);
         enter(sample);
         diagram->insert(sample.position(), sample.radius * sample.radius, near);
       });
     }
     return filler.fill_together(
         task.rng, limits, [&](const Sample& sample, Index) { enter(sample); },
-        [&](const std::vector<WeightedPoint>& sites, const std::vector<Index>& near) {
-          diagram->insert_together(sites, near, throwing);
+        [&](RestrictedPowerDiagram::Arrivals& now, RestrictedPowerDiagram::Arrivals& next, const std::function<void()>& draw,
+            const RestrictedPowerDiagram::Measure& measure) {
+          diagram->compact(throwing);
+          diagram->insert_together(now, next, draw, measure, throwing);
         });
   };
   const GapFilling filled = fill();

@@ -51,6 +51,11 @@ void RegularTriangulation::reserve(std::size_t num_points) {
   vertex_cell_.reserve(num_points);
 }
 
+void RegularTriangulation::keep_in_place(std::size_t count) {
+  const std::size_t total = points_.size() + count;
+  if (total > points_.capacity()) points_.reserve(std::max(total, points_.size() + points_.size() / 8));
+}
+
 void RegularTriangulation::append_points(const PointsView& positions, const ValuesView* weights, const Execution* execution) {
   detail::require_exact_arithmetic();
   const std::ptrdiff_t n = positions.rows();

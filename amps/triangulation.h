@@ -121,6 +121,8 @@ class RegularTriangulation {
 
   /// Makes room for so many points in all, so that those inserted one by one move no memory.
   AMPS_EXPORT void reserve(std::size_t num_points);
+  /// Until `count` more are inserted, point() may be called while they are, of what was there before.
+  AMPS_EXPORT void keep_in_place(std::size_t count);
 
   /// Inserts one point and returns its id. `hint`: a cell near it (kNone: the last one touched).
   AMPS_EXPORT Index insert(const Vec3& position, double weight, Index hint = kNone);

@@ -1,6 +1,8 @@
 #include "amps/gap_filling.h"
 
 #include "kit/maximality.h"
+#include "kit/meshes.h"
+#include "kit/random.h"
 #include "kit/samples.h"
 
 #include "amps/maximality.h"
@@ -309,53 +311,149 @@ TEST_CASE("gap_filling: a whole surface can be filled from a diagram with remove
   CHECK(certificate.poisson_disk());
 }
 
-TEST_CASE("gap_filling: sites inserted together divide the surface as one after the other, on any number of threads") {
-  using Piece = std::tuple<Index, Index, std::vector<std::array<double, 3>>>;
-  const auto pieces_of = [](const RestrictedPowerDiagram& diagram, bool sorted) {
-    std::vector<Piece> pieces;
-    for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
-      if (!diagram.alive(f)) continue;
-      const auto polygon = diagram.polygon(f);
-      std::vector<std::array<double, 3>> corners;
-      for (Index k = 0; k < polygon.size; ++k)
-        corners.push_back({polygon.corners[k].x(), polygon.corners[k].y(), polygon.corners[k].z()});
-      if (sorted) std::sort(corners.begin(), corners.end());
-      pieces.emplace_back(polygon.facet, polygon.site, corners);
+namespace {
+
+using Piece = std::tuple<Index, Index, std::vector<std::array<double, 3>>>;
+
+/// All fragments, by slot, or else sorted.
+std::vector<Piece> pieces_of(const RestrictedPowerDiagram& diagram, bool sorted) {
+  std::vector<Piece> pieces;
+  for (Index f = 0; f < diagram.fragment_capacity(); ++f) {
+    if (!diagram.alive(f)) {
+      if (!sorted) pieces.emplace_back();
+      continue;
     }
-    if (sorted) std::sort(pieces.begin(), pieces.end());
-    return pieces;
-  };
-  const Mesh mesh = amps::make_sphere(5120);
-  amps::SamplingOptions options;
-  options.radius = 0.06;
-  const SampleSet set = amps::sample(mesh, options).samples;
-  constexpr Index kLast = 200;  // the first ones are there, some of these are neighbours
-  const Index first = set.size() - kLast;
+    const auto polygon = diagram.polygon(f);
+    std::vector<std::array<double, 3>> corners;
+    for (Index k = 0; k < polygon.size; ++k)
+      corners.push_back({polygon.corners[k].x(), polygon.corners[k].y(), polygon.corners[k].z()});
+    if (sorted) std::sort(corners.begin(), corners.end());
+    pieces.emplace_back(polygon.facet, polygon.site, corners);
+  }
+  if (sorted) std::sort(pieces.begin(), pieces.end());
+  return pieces;
+}
+
+std::vector<double> areas_of(const std::vector<RestrictedPowerDiagram::Polygon>& polygons) {
+  std::vector<double> areas;
+  for (const auto& polygon : polygons) areas.push_back(polygon.area());
+  return areas;
+}
+
+/// A diagram of the first samples of a set, which the others enter in batches of those sizes, over and over, each drawn while
+/// the one before enters. Checks what each batch says of its changes.
+RestrictedPowerDiagram entered_together(const Mesh& mesh, const SampleSet& set, Index first, const amps::detail::DiskSet& disks,
+                                        const std::vector<std::size_t>& sizes, unsigned threads, std::size_t& measured) {
   const std::vector<double> weights = squared(set.radii);
-  const amps::PointsView old(set.positions.data(), first);
-  std::vector<amps::WeightedPoint> sites;
-  std::vector<Index> near;
-  for (Index s = first; s < set.size(); ++s) {
-    sites.push_back({set.positions(s, 0), set.positions(s, 1), set.positions(s, 2), set.radii[at(s)] * set.radii[at(s)]});
-    near.push_back(s % first);
+  RestrictedPowerDiagram diagram(mesh, {set.positions.data(), first}, {weights.data(), first}, disks.reach_lists(),
+                                 on_threads(threads));
+  Index drawn = first;
+  std::size_t batch = 0;
+  const auto draw = [&](RestrictedPowerDiagram::Arrivals& arrivals) {
+    for (std::size_t k = sizes[batch++ % sizes.size()]; k > 0 && drawn < set.size(); --k, ++drawn) {
+      arrivals.add({set.positions(drawn, 0), set.positions(drawn, 1), set.positions(drawn, 2), weights[at(drawn)]},
+                   drawn % first);
+    }
+  };
+  const auto measure = [](const std::vector<RestrictedPowerDiagram::Polygon>& polygons, std::vector<double>& values) {
+    values = areas_of(polygons);
+  };
+  RestrictedPowerDiagram::Arrivals now, next;
+  for (draw(now); !now.empty(); now.clear(), std::swap(now, next)) {
+    const std::vector<Piece> before = pieces_of(diagram, false);
+    const Index expected = diagram.num_sites() + static_cast<Index>(now.size());
+    diagram.insert_together(
+        now, next, [&] { draw(next); }, measure, on_threads(threads));
+    REQUIRE(diagram.num_sites() == expected);
+    const std::vector<Piece> after = pieces_of(diagram, false);
+    const std::vector<Index>& changed = diagram.changed();
+    REQUIRE(diagram.measured().size() == changed.size());
+    CHECK(std::set<Index>(changed.begin(), changed.end()).size() == changed.size());
+    for (std::size_t k = 0; k < changed.size(); ++k) {
+      if (std::isnan(diagram.measured()[k])) continue;
+      ++measured;
+      const Index f = changed[k];
+      REQUIRE(diagram.measured()[k] == (diagram.alive(f) ? diagram.polygon(f).area() : 0.0));
+    }
+    std::vector<char> listed(after.size(), 0);
+    for (const Index f : changed) listed[at(f)] = 1;
+    for (std::size_t f = 0; f < after.size(); ++f) {
+      if (listed[f] == 0) REQUIRE((f < before.size() && after[f] == before[f]));
+    }
   }
-  RestrictedPowerDiagram one_by_one(mesh, old, amps::ValuesView(weights.data(), first), on_threads(1));
-  std::set<Index> changed_sites;
-  for (std::size_t k = 0; k < sites.size(); ++k) {
-    one_by_one.insert(sites[k].position(), sites[k].w, near[k]);
-    changed_sites.insert(one_by_one.changed_sites().begin(), one_by_one.changed_sites().end());
+  return diagram;
+}
+
+}  // namespace
+
+TEST_CASE("gap_filling: sites that enter together divide the surface as one after the other, on any number of threads") {
+  const Mesh sphere = amps::make_sphere(5120), sheets = two_sheets(0.02, 12), coarse = amps::make_cube(2);
+  // Small disks between large ones: sites that others hide.
+  const Mesh three_sheets = joined(two_sheets(0.04, 12), moved(amps::make_square(12), {0, 0, 0.02}));
+  const amps::SizingField field = amps::function_sizing(
+      three_sheets, [](const SurfacePoint& p) { return std::fabs(p.position.z() - 0.02) < 0.01 ? 0.02 : 0.08; });
+  struct Case {
+    const Mesh& mesh;
+    double radius;
+    const amps::SizingField* field;
+    amps::Neighborhood neighborhood;
+    bool hides = false;
+  };
+  std::size_t num_local = 0, num_hidden = 0, measured = 0;
+  Rng rng(11);
+  for (const Case& c :
+       {Case{sphere, 0.06, nullptr, amps::Neighborhood::kSpace}, Case{sphere, 0.05, nullptr, amps::Neighborhood::kSurface},
+        Case{coarse, 0.05, nullptr, amps::Neighborhood::kSpace}, Case{sheets, 0.03, nullptr, amps::Neighborhood::kSurface},
+        Case{three_sheets, 0, &field, amps::Neighborhood::kSurface},
+        Case{sphere, 0.05, nullptr, amps::Neighborhood::kSpace, true}}) {
+    CAPTURE(c.radius);
+    amps::SamplingOptions options;
+    options.neighborhood = c.neighborhood;
+    if (c.field != nullptr) {
+      options.sizing = *c.field;
+    } else {
+      options.radius = c.radius;
+    }
+    SampleSet set = amps::sample(c.mesh, options).samples;
+    if (c.field != nullptr) {  // those that hide others come neither first nor last
+      amps::detail::GrowingSet samples;
+      samples.add_all(set);
+      std::vector<Index> order;
+      for (Index s = 0; s < set.size(); ++s) order.push_back(s);
+      samples.reorder(shuffled(order, rng));
+      set = samples.finish();
+    }
+    for (Index s = 0; c.hides && s < set.size(); s += 1 + below(rng, 60)) set.radii[at(s)] *= 10;
+    const Index first = set.size() / 2;  // the first ones are there, many of the others are neighbours
+    const auto flood = amps::detail::flood_of(c.mesh, c.neighborhood);
+    // Lists of all: sites that are not in the diagram must play no part in it.
+    const auto disks = amps::detail::disks_of(c.mesh, set, min_of(set.radii), max_of(set.radii), flood);
+    const std::vector<double> weights = squared(set.radii);
+    RestrictedPowerDiagram one_by_one(c.mesh, {set.positions.data(), first}, {weights.data(), first}, disks->reach_lists(),
+                                      on_threads(1));
+    for (Index s = first; s < set.size(); ++s) {
+      one_by_one.insert(sample_at(set, s), weights[at(s)], s % first);
+    }
+    for (Index f = 0; f < static_cast<Index>(c.mesh.triangles.rows()); ++f) num_local += one_by_one.local(f) ? 1 : 0;
+    for (Index s = 0; s < set.size(); ++s) num_hidden += one_by_one.visible(s) ? 0 : 1;
+    CHECK(one_by_one.check() == "");
+    RestrictedPowerDiagram some = one_by_one;
+    for (Index s = first; s < set.size(); s += 3) some.remove(s);
+    const std::vector<Piece> left = pieces_of(some, true);
+    for (const unsigned threads : {1u, 2u, 3u}) {
+      CAPTURE(threads);
+      RestrictedPowerDiagram together = entered_together(c.mesh, set, first, *disks, {60, 1, 200, 9, 30}, threads, measured);
+      CHECK(together.check() == "");
+      CHECK(pieces_of(together, true) == pieces_of(one_by_one, true));
+      CHECK(pieces_of(together, false) == pieces_of(one_by_one, false));
+      for (Index s = first; s < set.size(); s += 3) together.remove(s);  // what they had hidden comes back
+      CHECK(together.check() == "");
+      CHECK(pieces_of(together, true) == left);
+    }
   }
-  std::vector<Piece> on_one_thread;
-  for (const unsigned threads : {1u, 2u, 3u}) {
-    CAPTURE(threads);
-    RestrictedPowerDiagram together(mesh, old, amps::ValuesView(weights.data(), first), on_threads(threads));
-    together.insert_together(sites, near, on_threads(threads));
-    CHECK(together.check() == "");
-    CHECK(pieces_of(together, true) == pieces_of(one_by_one, true));
-    CHECK(std::set<Index>(together.changed_sites().begin(), together.changed_sites().end()) == changed_sites);
-    if (threads == 1) on_one_thread = pieces_of(together, false);
-    CHECK(pieces_of(together, false) == on_one_thread);
-  }
+  CHECK(num_local > 0);
+  CHECK(measured > 1000);  // on several threads most are found side by side
+  CHECK(num_hidden > 0);
 }
 
 }  // namespace amps_test
