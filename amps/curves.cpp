@@ -4,9 +4,11 @@
 #include "amps/mesh_edges.h"
 #include "amps/portable_math.h"
 #include "amps/sizing_lattice.h"
+#include "amps/thread_pool.h"
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
 
 namespace amps {
@@ -80,7 +82,7 @@ class CurveFinder {
   void measure_edges() {
     length_.resize(edges_.size());
     radius_.assign(edges_.size(), options_.radius);
-    for_each_index(edges_.size(), run_.part(0, 0.1), [this](std::size_t e) {
+    for_each_index_on_all_threads(edges_.size(), run_.part(0, 0.1), [this](std::size_t e) {
       const MeshEdge edge = edges_[e];
       length_[e] = std::sqrt(squared_norm(at(edge.high) - at(edge.low)));
       if (options_.sizing.empty()) return;
@@ -110,7 +112,7 @@ class CurveFinder {
 
   void mark_fixed() {
     if (!options_.edges.empty() || !options_.vertices.empty()) first_ = first_equal_vertices(mesh_, run_.part(0.1, 0.15));
-    for_each_index(edges_.size(), run_.part(0.15, 0.2), [this](std::size_t e) {
+    for_each_index_on_all_threads(edges_.size(), run_.part(0.15, 0.2), [this](std::size_t e) {
       const MeshEdge edge = edges_[e];
       bool fixed = options_.borders && edge.size() != 2;
       if (fixed) kind_[e] = edge.boundary() ? CurveKind::kBorder : CurveKind::kManySheets;
@@ -140,7 +142,8 @@ class CurveFinder {
     std::vector<std::size_t> longest(n, edges_.size());
     std::vector<char> thin(n, 0);
     area_.assign(n, 0);
-    for_each_index(edges_.num_facets(), run_.part(0.2, 0.25), [&](Index f) {
+    for_each_index_on_all_threads(n, run_.part(0.2, 0.25), [&](std::size_t facet) {
+      const auto f = static_cast<Index>(facet);
       if (!edges_.counts(f)) return;
       const auto row = edges_.triangles().row(f);
       // From the lowest vertex on, so that rotated indices give the same bits.
@@ -158,7 +161,8 @@ class CurveFinder {
       if (norm > 0) own[slot(f)] = cross / norm;
     });
     normal_ = own;
-    for_each_index(edges_.num_facets(), run_.part(0.25, 0.3), [&](Index f) {
+    for_each_index_on_all_threads(n, run_.part(0.25, 0.3), [&](std::size_t facet) {
+      const auto f = static_cast<Index>(facet);
       if (!edges_.counts(f) || !thin[slot(f)]) return;
       double sign = 1;
       Index g = f;
@@ -174,7 +178,7 @@ class CurveFinder {
 
   void mark_candidates() {
     const double threshold = portable_cosine(options_.crease_angle);
-    for_each_index(edges_.size(), run_.part(0.3, 0.35), [&](std::size_t e) {
+    for_each_index_on_all_threads(edges_.size(), run_.part(0.3, 0.35), [&](std::size_t e) {
       const MeshEdge edge = edges_[e];
       if (edge.size() != 2) return;
       const Vec3 &a = normal_[slot(edge[0].facet)], &b = normal_[slot(edge[1].facet)];
@@ -229,24 +233,32 @@ class CurveFinder {
     }
     const double threshold = portable_cosine(kConfirmedShare * options_.crease_angle);
     std::vector<char> keep(creases.size(), 0);
-    std::vector<Flooded> flood;
-    std::vector<Index> stamp(slot(edges_.num_facets()), 0);
-    Index mark = 0;
-    Ticker ticker(run_.part(0.35, 0.8), creases.size());
-    for (std::size_t i = 0; i < creases.size(); ++i) {
-      ticker.tick();
-      const MeshEdge edge = edges_[creases[i]];
-      const Vec3 x = (at(edge.low) + at(edge.high)) / 2;
-      const double r = radius_[creases[i]];
-      // At most 2 marks a candidate: renewed before they could run out.
-      if (mark > 2'000'000'000) {
-        std::fill(stamp.begin(), stamp.end(), 0);
-        mark = 0;
-      }
-      const Vec3 a = average(edge[0].facet, x, r, flood, stamp, ++mark);
-      const Vec3 b = average(edge[1].facet, x, r, flood, stamp, ++mark);
-      keep[i] = alignment(edge) * cosine_between(a, b) < threshold;
-    }
+    struct Scratch {
+      std::vector<Flooded> flood;
+      std::vector<Index> stamp;
+      Index mark = 0;
+    };
+    ScratchPool<Scratch> pool;
+    constexpr std::size_t kCreasesPerPiece = 64;
+    for_each_piece_on_all_threads(creases.size(), kCreasesPerPiece, run_.part(0.35, 0.8),
+                                  [&](std::size_t begin, std::size_t end) {
+                                    const auto lent = pool.lend([] { return std::make_unique<Scratch>(); });
+                                    Scratch& scratch = *lent;
+                                    scratch.stamp.resize(slot(edges_.num_facets()), 0);
+                                    for (std::size_t i = begin; i < end; ++i) {
+                                      const MeshEdge edge = edges_[creases[i]];
+                                      const Vec3 x = (at(edge.low) + at(edge.high)) / 2;
+                                      const double r = radius_[creases[i]];
+                                      // At most 2 marks a candidate: renewed before they could run out.
+                                      if (scratch.mark > 2'000'000'000) {
+                                        std::fill(scratch.stamp.begin(), scratch.stamp.end(), 0);
+                                        scratch.mark = 0;
+                                      }
+                                      const Vec3 a = average(edge[0].facet, x, r, scratch.flood, scratch.stamp, ++scratch.mark);
+                                      const Vec3 b = average(edge[1].facet, x, r, scratch.flood, scratch.stamp, ++scratch.mark);
+                                      keep[i] = alignment(edge) * cosine_between(a, b) < threshold;
+                                    }
+                                  });
     for (std::size_t i = 0; i < creases.size(); ++i) curve_[creases[i]] = keep[i];
   }
 

@@ -90,15 +90,13 @@ MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const s
 
 std::vector<Index> MeshEdges::edge_of_sides(const Execution& run) const {
   std::vector<Index> result(num_corners_, kNone);
-  Ticker ticker(run, size(), kEdgesPerLook);
-  for (std::size_t e = 0; e < size(); ++e) {
-    ticker.tick();
+  for_each_index_on_all_threads(size(), run, [&](std::size_t e) {
     for (const EdgeSide& side : (*this)[e]) result[side.corner()] = static_cast<Index>(e);
-  }
+  });
   return result;
 }
 
-UnionFind::UnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), std::size_t{0}); }
+UnionFind::UnionFind(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), std::uint32_t{0}); }
 
 std::size_t UnionFind::count(const std::vector<char>& member, const Execution& run) {
   Ticker ticker(run, member.size(), kEdgesPerLook);

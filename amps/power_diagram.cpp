@@ -800,24 +800,39 @@ RegularTriangulation::Adjacency RestrictedPowerDiagram::adjacency(const Executio
 
 Triangles RestrictedPowerDiagram::dual_triangles(std::vector<Index>* facets, const Execution& execution) const {
   const Execution run = execution.start("listing triangles");
-  std::vector<Index> corners;
-  corners.reserve(6 * slot(num_sites()));  // 2 triangles a sample
-  if (facets != nullptr) facets->clear();
-  detail::for_each_piece(fragments_.size(), detail::kElementsPerLook, run, [&](std::size_t begin, std::size_t end) {
-    for (Index f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
-      const Polygon p = polygon(f);
-      for (Index k = 0; k < p.size; ++k) {
-        // Walking round the vertex counter-clockwise from the owner, the cell across the incoming edge comes first.
-        const Index in = p.labels[k == 0 ? p.size - 1 : k - 1], out = p.labels[k];
-        if (in <= p.site || out <= p.site)
-          continue;  // mesh edges are negative; all three fragments see the vertex, the least lists it
-        corners.insert(corners.end(), {p.site, in, out});
-        if (facets != nullptr) facets->push_back(p.facet);
+  struct Listed {
+    std::vector<Index> corners, facets;
+  };
+  constexpr std::size_t kMostParts = 64;
+  const std::size_t fragments_per_part = fragments_.size() / std::min<std::size_t>(run.workers(), kMostParts) + 1;
+  std::vector<Listed> parts(fragments_.size() / fragments_per_part + 1);
+  const auto list_part = [&](std::size_t first, std::size_t last) {
+    Listed& listed = parts[first / fragments_per_part];
+    listed.corners.reserve(6 * slot(num_sites()) / parts.size());  // 2 triangles a sample
+    detail::for_each_piece(last - first, detail::kElementsPerLook, run, [&](std::size_t begin, std::size_t end) {
+      for (Index f = static_cast<Index>(first + begin); f < static_cast<Index>(first + end); ++f) {
+        const Polygon p = polygon(f);
+        for (Index k = 0; k < p.size; ++k) {
+          // Walking round the vertex counter-clockwise from the owner, the cell across the incoming edge comes first.
+          const Index in = p.labels[k == 0 ? p.size - 1 : k - 1], out = p.labels[k];
+          if (in <= p.site || out <= p.site)
+            continue;  // mesh edges are negative; all three fragments see the vertex, the least lists it
+          listed.corners.insert(listed.corners.end(), {p.site, in, out});
+          if (facets != nullptr) listed.facets.push_back(p.facet);
+        }
       }
-    }
-  });
+    });
+  };
+  parallel_for(fragments_.size(), fragments_per_part, run, list_part);
+  Listed all = std::move(parts.front());
+  for (std::size_t k = 1; k < parts.size(); ++k) {
+    all.corners.insert(all.corners.end(), parts[k].corners.begin(), parts[k].corners.end());
+    all.facets.insert(all.facets.end(), parts[k].facets.begin(), parts[k].facets.end());
+    parts[k] = {};
+  }
   run.finish();
-  return Triangles(std::move(corners));
+  if (facets != nullptr) *facets = std::move(all.facets);
+  return Triangles(std::move(all.corners));
 }
 
 std::vector<double> RestrictedPowerDiagram::cell_areas(const Execution& execution) const {

@@ -228,3 +228,28 @@ TEST_CASE("curves: noise makes no curves and hides none, where the radius is abo
   CHECK(graph.num_patches == 6);
   CHECK(graph.dropped.size() > 100);
 }
+
+TEST_CASE("curves: any number of threads finds the same graph") {
+  // Noise makes thousands of candidates, which are confirmed in many pieces.
+  const Mesh mesh = noisy(make_cube(40), 0.2 / 40, 6);
+  for (const double radius : {0.0, 0.125}) {
+    CurveOptions options;
+    options.radius = radius;
+    const CurveGraph one = find_curves(mesh, options);
+    REQUIRE(one.curves.size() > 5);
+    if (radius > 0) REQUIRE(one.dropped.size() > 100);
+    for (const unsigned threads : {2u, 3u}) {
+      options.execution = threads;
+      const CurveGraph several = find_curves(mesh, options);
+      CHECK(several.is_curve_edge == one.is_curve_edge);
+      CHECK(several.dropped == one.dropped);
+      CHECK(several.corners == one.corners);
+      CHECK(several.patch_of_facet == one.patch_of_facet);
+      CHECK(several.curve_of_edge == one.curve_of_edge);
+      REQUIRE(several.curves.size() == one.curves.size());
+      bool same = true;
+      for (std::size_t c = 0; c < one.curves.size(); ++c) same = same && several.curves[c].arc == one.curves[c].arc;
+      CHECK(same);
+    }
+  }
+}
