@@ -6,6 +6,7 @@
 #include "kit/samples.h"
 
 #include "amps/maximality.h"
+#include "amps/remesh.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
 
@@ -454,6 +455,44 @@ TEST_CASE("gap_filling: sites that enter together divide the surface as one afte
   CHECK(num_local > 0);
   CHECK(measured > 1000);  // on several threads most are found side by side
   CHECK(num_hidden > 0);
+}
+
+TEST_CASE("gap_filling: sets large enough for two stretches are maximal and have the same bits on any number of threads") {
+  struct Case {
+    const char* name;
+    Mesh mesh;
+    bool remeshed;  // disks know their surface, and end at curves
+  };
+  for (const Case& c : {Case{"sphere in space", amps::make_sphere(1280), false}, Case{"sphere", amps::make_sphere(20480), true},
+                        Case{"open, with creases", open_book(3), true}, Case{"thin sheets", two_sheets(0.01), true}}) {
+    CAPTURE(c.name);
+    amps::RemeshOptions options;
+    options.optimization.max_iterations = 0;
+    options.sampling.target_count = 6000;
+    const auto run = [&](unsigned threads) {
+      run_on(options.sampling, threads);
+      return c.remeshed ? amps::remesh(c.mesh, options).samples : amps::sample(c.mesh, options.sampling).samples;
+    };
+    const SampleSet one = run(1);
+    CHECK(one.size() > 5000);
+    for (const unsigned threads : {2u, 3u}) {
+      CAPTURE(threads);
+      CHECK(same_set(run(threads), one));
+    }
+    if (c.remeshed) continue;
+    const amps::MaximalityReport certificate = amps::verify_maximal(c.mesh, one);
+    CHECK(certificate.maximal());
+    CHECK(certificate.poisson_disk());
+  }
+  // Over a surface, disks that end at no curve.
+  const Mesh sheets = two_sheets(0.01);
+  amps::SamplingOptions options;
+  options.target_count = 6000;
+  options.neighborhood = amps::Neighborhood::kSurface;
+  const amps::MaximalityReport certificate =
+      amps::verify_maximal(sheets, amps::sample(sheets, options).samples, {}, ConflictRule::kMax, amps::Neighborhood::kSurface);
+  CHECK(certificate.maximal());
+  CHECK(certificate.poisson_disk());
 }
 
 }  // namespace amps_test
