@@ -189,7 +189,7 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
     const NewCell::Cut& cut = cell.cuts[k];
     changed_.push_back(cut.fragment);
     if (cut.size == 0) {
-      free_fragment(cut.fragment);
+      retire_fragment(cut.fragment);
     } else {
       store_polygon(fragments_[slot(cut.fragment)], cut.ball, corners, labels, cut.size);
     }
@@ -246,7 +246,7 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
       facets.push_back(fragments_[slot(f)].facet);
       changed_.push_back(f);
       if (clipper.empty()) {
-        free_fragment(f);
+        retire_fragment(f);
       } else {
         store_polygon(fragments_[slot(f)], clipper);
       }
@@ -264,10 +264,10 @@ std::vector<Index> RestrictedPowerDiagram::clip_touched(const std::vector<Index>
 /// For the polygon of a fragment, and the corners' indices of its facet.
 void RestrictedPowerDiagram::prefetch_polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  const detail::PackedBarycentric* const corners = polygons_.corners(fragment.room);
+  const detail::PackedBarycentric* const corners = polygons_.corners(first_of(fragment));
   detail::prefetch(corners);
-  detail::prefetch(corners + fragment.size - 1);
-  detail::prefetch(polygons_.labels(fragment.room));
+  detail::prefetch(corners + fragment.ball.note() - 1);
+  detail::prefetch(polygons_.labels(first_of(fragment)));
   detail::prefetch(mesh_.triangles.address(fragment.facet));
   detail::prefetch(&facet_error_[slot(fragment.facet)]);
 }
@@ -379,10 +379,9 @@ void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& candidates) {
 
 /// Divides the fragments of s, which has no cell any more, among the candidates.
 void RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& candidates) {
-  std::vector<Index> left, possible_owners;
-  for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
-    if (local(fragments_[slot(f)].facet)) continue;
-    left.push_back(f);
+  const std::vector<Index> left = take_fragments(s, false);
+  std::vector<Index> possible_owners;
+  for (const Index f : left) {
     prefetch_polygon(f);
     detail::prefetch(&first_of_facet_[slot(fragments_[slot(f)].facet)]);
   }
@@ -424,6 +423,7 @@ void RestrictedPowerDiagram::find_possible_owners(Index f, const std::vector<Ind
   }
 }
 
+/// f is in the list of no site any more.
 void RestrictedPowerDiagram::divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper,
                                              DivideScratch& scratch) {
   const Polygon left = polygon(f);
@@ -432,7 +432,7 @@ void RestrictedPowerDiagram::divide_fragment(Index f, const std::vector<Index>& 
   for (Index k = 0; k < left.size; ++k) {
     if (is_site(left.labels[k])) owners.push_back(left.labels[k]);
   }
-  free_fragment(f);
+  free_taken_fragment(f);
   changed_.push_back(f);
   changed_sites_.push_back(left.site);
   if (owners.empty()) owners.push_back(owner_of_corner(left.facet, possible_owners));
