@@ -99,20 +99,19 @@ class PackedBall {
     }
     const int exponent = std::max(exponent_above(size), kLeastExponent);
     const double per_unit = power_of_two(kCentreBits - 1 - exponent);
-    bits_ = static_cast<std::uint64_t>(exponent - kLeastExponent) << kExponentAt;
-    for (int a = 0; a < 3; ++a) {
-      const double in_units = middle[a] * per_unit;
-      const auto nearest = static_cast<std::int64_t>(in_units + (in_units < 0 ? -0.5 : 0.5));
-      const std::int64_t unit = std::min(nearest, (std::int64_t{1} << (kCentreBits - 1)) - 1);
-      bits_ |= (static_cast<std::uint64_t>(unit) & kCentreMask) << (64 - (a + 1) * kCentreBits);
-    }
-    const Vec3 from = centre();  // as it is kept: its rounding adds nothing
+    const std::int64_t x = nearest(middle[0] * per_unit), y = nearest(middle[1] * per_unit), z = nearest(middle[2] * per_unit);
+    const double unit = power_of_two(exponent - (kCentreBits - 1));
+    // As it is kept: its rounding adds nothing.
+    const Vec3 from(unit * static_cast<double>(x), unit * static_cast<double>(y), unit * static_cast<double>(z));
     double farthest = 0;
     for (std::size_t k = 0; k < count; ++k) farthest = std::max(farthest, squared_norm(points[k] - from));
     constexpr double kRounding = 1e-12;  // of the lines above, and far more
     const double radius = std::sqrt(farthest) * (1 + kRounding) * power_of_two(kRadiusBits - exponent);
     AMPS_ASSERT(radius < static_cast<double>(kRadiusMask));
-    bits_ |= (static_cast<std::uint64_t>(radius) + 1) << kRadiusAt;
+    bits_ = (static_cast<std::uint64_t>(x) & kCentreMask) << kAt[0] | (static_cast<std::uint64_t>(y) & kCentreMask) << kAt[1] |
+            (static_cast<std::uint64_t>(z) & kCentreMask) << kAt[2] |
+            static_cast<std::uint64_t>(exponent - kLeastExponent) << kExponentAt |
+            (static_cast<std::uint64_t>(radius) + 1) << kRadiusAt;
   }
   /// A note only.
   static PackedBall nothing() {
@@ -123,17 +122,26 @@ class PackedBall {
 
   Vec3 centre() const {
     const double unit = power_of_two(exponent() - (kCentreBits - 1));
-    return {unit * coordinate(0), unit * coordinate(1), unit * coordinate(2)};
+    return {unit * static_cast<double>(coordinate(0)), unit * static_cast<double>(coordinate(1)),
+            unit * static_cast<double>(coordinate(2))};
   }
   double radius() const {
     if (((bits_ >> kExponentAt) & kExponentMask) == kInfinite) return std::numeric_limits<double>::infinity();
     return power_of_two(exponent() - kRadiusBits) * static_cast<double>((bits_ >> kRadiusAt) & kRadiusMask);
   }
 
+  /// Of what is in the ball from the point that it is relative to, at most, but for rounding.
+  double reach() const {
+    const std::int64_t x = coordinate(0), y = coordinate(1), z = coordinate(2);
+    const double unit = power_of_two(exponent() - (kCentreBits - 1));
+    return unit * std::sqrt(static_cast<double>(x * x + y * y + z * z)) + radius();
+  }
+
   std::uint32_t note() const { return static_cast<std::uint32_t>(bits_ & kGreatestNote); }
   void set_note(std::uint32_t note) { bits_ = (bits_ & ~std::uint64_t{kGreatestNote}) | note; }
 
  private:
+  static constexpr int kAt[3] = {52, 40, 28};  ///< of the centre's coordinates
   static constexpr int kCentreBits = 12, kRadiusBits = 10, kExponentAt = 20, kRadiusAt = 10, kLeastExponent = -126;
   static constexpr std::uint64_t kCentreMask = 0xfff, kRadiusMask = 0x3ff, kExponentMask = 0xff, kInfinite = 0xff;
 
@@ -150,10 +158,13 @@ class PackedBall {
     return static_cast<int>(bits >> 52) - 1022;
   }
   int exponent() const { return static_cast<int>((bits_ >> kExponentAt) & kExponentMask) + kLeastExponent; }
-  double coordinate(int a) const {
-    const std::uint64_t unit = (bits_ >> (64 - (a + 1) * kCentreBits)) & kCentreMask;
+  std::int64_t coordinate(int a) const {
     constexpr std::uint64_t kSign = std::uint64_t{1} << (kCentreBits - 1);
-    return static_cast<double>(static_cast<std::int64_t>(unit ^ kSign) - static_cast<std::int64_t>(kSign));
+    return static_cast<std::int64_t>(((bits_ >> kAt[a]) & kCentreMask) ^ kSign) - static_cast<std::int64_t>(kSign);
+  }
+  static std::int64_t nearest(double in_units) {
+    const auto result = static_cast<std::int64_t>(in_units + (in_units < 0 ? -0.5 : 0.5));
+    return std::min(result, (std::int64_t{1} << (kCentreBits - 1)) - 1);
   }
 
   std::uint64_t bits_;

@@ -501,21 +501,20 @@ void RestrictedPowerDiagram::update_reach(Index s) {
   for (Index* link = &first_of_site_[slot(s)]; *link != kNone;) {
     const Index f = *link;
     if (alive(f)) {
-      const double farthest = this->reach(f);
-      if (farthest > reach || std::isnan(farthest)) reach = farthest;  // NaN from overflow stays, and prunes nothing
+      reach = std::max(reach, fragments_[slot(f)].ball.reach());
       link = &fragments_[slot(f)].next_of_site;
     } else {
       *link = fragments_[slot(f)].next_of_site;
       free_fragments_.push_back(f);
     }
   }
-  reach_[slot(s)] = visible(s) ? reach : kNoCell;
+  reach_[slot(s)] = visible(s) ? reach * (1 + detail::kOffsetSlack) + largest_facet_error_ : kNoCell;
 }
 
 double RestrictedPowerDiagram::reach(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
   if (fragment.site == kNone) return INFINITY;
-  return (detail::norm(fragment.ball.centre()) + fragment.ball.radius()) * (1 + detail::kOffsetSlack) + largest_facet_error_;
+  return fragment.ball.reach() * (1 + detail::kOffsetSlack) + largest_facet_error_;
 }
 
 /// The owner of x. There is one only, wherever the walk begins.
@@ -609,7 +608,7 @@ void RestrictedPowerDiagram::link(Index f) {
 
 /// Writes a polygon into its room, of room_for(size).
 void RestrictedPowerDiagram::fill_room(detail::PolygonPages& polygons, Index room, const detail::PackedBarycentric* corners,
-                                        const Index* labels, Index size) {
+                                       const Index* labels, Index size) {
   if (size >= kLargeSize) *polygons.labels(room++) = size;
   std::copy_n(corners, size, polygons.corners(room));
   std::copy_n(labels, size, polygons.labels(room));
@@ -909,7 +908,8 @@ std::string RestrictedPowerDiagram::find_violation(const Execution& execution) c
   if (live != num_fragments_) return "fragment count is off";
   for (Index s = 0; s < num_sites(); ++s) {
     for (Index f = first_of_site(s); f != kNone; f = next_of_site(f), --live) {
-      if (live == 0 || !alive(f) || fragments_[slot(f)].site != s) return "fragment list of " + std::to_string(s) + " is broken";
+      if (live == 0 || !alive(f) || fragments_[slot(f)].site != s)
+        return "fragment list of " + std::to_string(s) + " is broken";
     }
   }
   for (Index f = 0; f < fragment_capacity(); ++f) live -= alive(f) && fragments_[slot(f)].site == kNone ? 1 : 0;

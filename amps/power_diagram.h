@@ -227,7 +227,7 @@ class RestrictedPowerDiagram {
   static constexpr Index kLargeSize = static_cast<Index>(detail::PackedBall::kGreatestNote);
   static constexpr Index room_for(Index size) { return size + (size >= kLargeSize ? 1 : 0); }
   static void fill_room(detail::PolygonPages& polygons, Index room, const detail::PackedBarycentric* corners,
-                         const Index* labels, Index size);
+                        const Index* labels, Index size);
   Index size_of(const Fragment& fragment) const {
     const auto size = static_cast<Index>(fragment.ball.note());
     return size < kLargeSize ? size : *polygons_.labels(fragment.room);
