@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -73,51 +74,100 @@ class PackedBarycentric {
   std::uint16_t high_[2];
 };
 
-/// A ball around a polygon, relative to a point near it, rounded outwards: 8 bytes, numbers of 8 bits with the exponents of
-/// floats.
+/// A ball around a polygon, relative to a point near it, rounded outwards: 8 bytes. Coordinates of the centre have 12 bits, the
+/// radius 10, in units of one power of two. 10 bits more are the holder's, for a note.
 class PackedBall {
  public:
+  static constexpr std::uint32_t kGreatestNote = 1023;
+
   /// Not initialized.
   PackedBall() = default;
-  /// Around at least one point. What floats cannot hold makes a ball of infinite radius.
+  /// Around at least one point. Beyond the range of floats the radius is infinite.
   PackedBall(const Vec3* points, std::size_t count) {
-    // Of the farthest distance and its rounding to a float, and of what underflow may take from the centre.
-    constexpr double kSlack = 0x1p-21, kUnderflow = 0x1p-124;
     Vec3 low = points[0], high = points[0];
     for (std::size_t k = 1; k < count; ++k) {
       low = low.cwiseMin(points[k]);
       high = high.cwiseMax(points[k]);
     }
+    // No point is farther from `middle` than the half diagonal. The hundredth is for the rounding of the centre.
     const Vec3 middle = 0.5 * (low + high);
-    for (int a = 0; a < 3; ++a) centre_[a] = static_cast<std::uint16_t>((bits(middle[a]) + 0x8000u) >> 16);
-    const Vec3 from = centre();  // as it is kept: its rounding adds nothing
+    const double half = 0.5 * 1.01 * std::sqrt(squared_norm(high - low));
+    const double size = std::max({std::fabs(middle[0]), std::fabs(middle[1]), std::fabs(middle[2]), half});
+    if (!(size < 0x1p126)) {
+      bits_ = kInfinite << kExponentAt;
+      return;
+    }
+    const int exponent = std::max(exponent_above(size), kLeastExponent);
+    const double per_unit = power_of_two(kCentreBits - 1 - exponent);
+    const std::int64_t x = nearest(middle[0] * per_unit), y = nearest(middle[1] * per_unit), z = nearest(middle[2] * per_unit);
+    const double unit = power_of_two(exponent - (kCentreBits - 1));
+    // As it is kept: its rounding adds nothing.
+    const Vec3 from(unit * static_cast<double>(x), unit * static_cast<double>(y), unit * static_cast<double>(z));
     double farthest = 0;
     for (std::size_t k = 0; k < count; ++k) farthest = std::max(farthest, squared_norm(points[k] - from));
-    const double radius = std::sqrt(farthest) * (1 + kSlack) + kUnderflow;
-    const bool fits = radius < 0x1p126 && from.allFinite();
-    radius_ = static_cast<std::uint16_t>(fits ? (bits(radius) + 0xffffu) >> 16 : kInfinity);
+    constexpr double kRounding = 1e-12;  // of the lines above, and far more
+    const double radius = std::sqrt(farthest) * (1 + kRounding) * power_of_two(kRadiusBits - exponent);
+    AMPS_ASSERT(radius < static_cast<double>(kRadiusMask));
+    bits_ = (static_cast<std::uint64_t>(x) & kCentreMask) << kAt[0] | (static_cast<std::uint64_t>(y) & kCentreMask) << kAt[1] |
+            (static_cast<std::uint64_t>(z) & kCentreMask) << kAt[2] |
+            static_cast<std::uint64_t>(exponent - kLeastExponent) << kExponentAt |
+            (static_cast<std::uint64_t>(radius) + 1) << kRadiusAt;
+  }
+  /// A note only.
+  static PackedBall nothing() {
+    PackedBall ball;
+    ball.bits_ = 0;
+    return ball;
   }
 
-  Vec3 centre() const { return {number(centre_[0]), number(centre_[1]), number(centre_[2])}; }
-  double radius() const { return number(radius_); }
+  Vec3 centre() const {
+    const double unit = power_of_two(exponent() - (kCentreBits - 1));
+    return {unit * static_cast<double>(coordinate(0)), unit * static_cast<double>(coordinate(1)),
+            unit * static_cast<double>(coordinate(2))};
+  }
+  double radius() const {
+    if (((bits_ >> kExponentAt) & kExponentMask) == kInfinite) return std::numeric_limits<double>::infinity();
+    return power_of_two(exponent() - kRadiusBits) * static_cast<double>((bits_ >> kRadiusAt) & kRadiusMask);
+  }
+
+  /// Of what is in the ball from the point that it is relative to, at most, but for rounding.
+  double reach() const {
+    const std::int64_t x = coordinate(0), y = coordinate(1), z = coordinate(2);
+    const double unit = power_of_two(exponent() - (kCentreBits - 1));
+    return unit * std::sqrt(static_cast<double>(x * x + y * y + z * z)) + radius();
+  }
+
+  std::uint32_t note() const { return static_cast<std::uint32_t>(bits_ & kGreatestNote); }
+  void set_note(std::uint32_t note) { bits_ = (bits_ & ~std::uint64_t{kGreatestNote}) | note; }
 
  private:
-  static constexpr std::uint32_t kInfinity = 0x7f80;
+  static constexpr int kAt[3] = {52, 40, 28};  ///< of the centre's coordinates
+  static constexpr int kCentreBits = 12, kRadiusBits = 10, kExponentAt = 20, kRadiusAt = 10, kLeastExponent = -126;
+  static constexpr std::uint64_t kCentreMask = 0xfff, kRadiusMask = 0x3ff, kExponentMask = 0xff, kInfinite = 0xff;
 
-  static std::uint32_t bits(double x) {
-    const float single = static_cast<float>(x);
-    std::uint32_t result;
-    std::memcpy(&result, &single, sizeof result);
+  static double power_of_two(int exponent) {
+    const std::uint64_t bits = static_cast<std::uint64_t>(exponent + 1023) << 52;
+    double result;
+    std::memcpy(&result, &bits, sizeof result);
     return result;
   }
-  static double number(std::uint16_t upper) {
-    const std::uint32_t all = std::uint32_t{upper} << 16;
-    float result;
-    std::memcpy(&result, &all, sizeof result);
-    return static_cast<double>(result);
+  /// Of the least power of two above x, which is not negative; of tiny x, some lower one.
+  static int exponent_above(double x) {
+    std::uint64_t bits;
+    std::memcpy(&bits, &x, sizeof bits);
+    return static_cast<int>(bits >> 52) - 1022;
+  }
+  int exponent() const { return static_cast<int>((bits_ >> kExponentAt) & kExponentMask) + kLeastExponent; }
+  std::int64_t coordinate(int a) const {
+    constexpr std::uint64_t kSign = std::uint64_t{1} << (kCentreBits - 1);
+    return static_cast<std::int64_t>(((bits_ >> kAt[a]) & kCentreMask) ^ kSign) - static_cast<std::int64_t>(kSign);
+  }
+  static std::int64_t nearest(double in_units) {
+    const auto result = static_cast<std::int64_t>(in_units + (in_units < 0 ? -0.5 : 0.5));
+    return std::min(result, (std::int64_t{1} << (kCentreBits - 1)) - 1);
   }
 
-  std::uint16_t centre_[3], radius_;
+  std::uint64_t bits_;
 };
 
 class PolygonPages {

@@ -92,9 +92,8 @@ class RestrictedPowerDiagram::Batch {
       done->add(listed.size() - told);
       told = listed.size();
     }
-    const Index size = clipper.size(), room = polygons.allocate(size);
-    std::copy_n(clipper.corners(), size, polygons.corners(room));
-    std::copy(clipper.labels().begin(), clipper.labels().end(), polygons.labels(room));
+    const Index size = clipper.size(), room = polygons.allocate(room_for(size));
+    fill_room(polygons, room, clipper.corners(), clipper.labels().begin(), size);
     listed.push_back({facet, site, size, room, clipper.ball()});
   }
 
@@ -431,7 +430,6 @@ void RestrictedPowerDiagram::assemble(std::vector<Batch>& batches, const Executi
                                             for (Index f = first; f < last; ++f) {
                                               Fragment& fragment = fragments_[slot(f)];
                                               fragment.site = s;
-                                              if (f > first) fragment.previous_of_site = f - 1;
                                               if (f + 1 < last) fragment.next_of_site = f + 1;
                                             }
                                             update_reach(s);
@@ -482,8 +480,8 @@ void RestrictedPowerDiagram::make_records(const Batch& batch) {
       Fragment fragment;
       fragment.facet = facet;
       fragment.room = entry->room;
-      fragment.size = entry->size;
       fragment.ball = entry->ball;
+      fragment.ball.set_note(static_cast<std::uint32_t>(std::min(entry->size, kLargeSize)));
       fragments_[slot(f)] = fragment;
       in_facet.push_back(f);
     }
@@ -497,27 +495,31 @@ void RestrictedPowerDiagram::make_records(const Batch& batch) {
 }
 
 void RestrictedPowerDiagram::update_reach(Index s) {
-  if (!visible(s)) {
-    reach_[slot(s)] = kNoCell;
-  } else {
-    measure_reach(s);
-  }
+  measure_reach(s, edit_);
+  if (!visible(s)) reach_[slot(s)] = kNoCell;
 }
 
-/// The same of a site whose cell is known to be there, whatever is in the triangulation by now.
-void RestrictedPowerDiagram::measure_reach(Index s) {
+/// The same of a site whose cell is known to be there, whatever is in the triangulation by now. Takes retired fragments off its
+/// list.
+void RestrictedPowerDiagram::measure_reach(Index s, EditRecord& edit) {
   double reach = 0;
-  for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
-    const double farthest = this->reach(f);
-    if (farthest > reach || std::isnan(farthest)) reach = farthest;  // NaN from overflow stays, and prunes nothing
+  for (Index* link = &first_of_site_[slot(s)]; *link != kNone;) {
+    const Index f = *link;
+    if (alive(f)) {
+      reach = std::max(reach, fragments_[slot(f)].ball.reach());
+      link = &fragments_[slot(f)].next_of_site;
+    } else {
+      *link = fragments_[slot(f)].next_of_site;
+      give_slot_back(f, edit);
+    }
   }
-  reach_[slot(s)] = reach;
+  reach_[slot(s)] = reach * (1 + detail::kOffsetSlack) + largest_facet_error_;
 }
 
 double RestrictedPowerDiagram::reach(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
   if (fragment.site == kNone) return INFINITY;
-  return (detail::norm(fragment.ball.centre()) + fragment.ball.radius()) * (1 + detail::kOffsetSlack) + largest_facet_error_;
+  return fragment.ball.reach() * (1 + detail::kOffsetSlack) + largest_facet_error_;
 }
 
 /// The owner of x. There is one only, wherever the walk begins.
@@ -586,22 +588,22 @@ void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTa
 
 RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  if (fragment.size == 0) return {fragment.facet, fragment.site, {}, nullptr, 0};
+  if (fragment.ball.note() == 0) return {fragment.facet, fragment.site, {}, nullptr, 0};
+  const Index first = first_of(fragment);
   return {fragment.facet,
           fragment.site,
-          {mesh_, fragment.facet, polygons_.corners(fragment.room)},
-          polygons_.labels(fragment.room),
-          fragment.size};
+          {mesh_, fragment.facet, polygons_.corners(first)},
+          polygons_.labels(first),
+          size_of(fragment)};
 }
 
-/// Puts a fragment at the head of its two lists.
+/// Puts a fragment at the head of the list of its site.
 void RestrictedPowerDiagram::link_to_site(Index f) {
   Fragment& fragment = fragments_[slot(f)];
-  fragment.next_of_site = fragment.previous_of_site = kNone;
+  fragment.next_of_site = kNone;
   if (fragment.site == kNone) return;
   Index& of_site = first_of_site_[slot(fragment.site)];
   fragment.next_of_site = of_site;
-  if (of_site != kNone) fragments_[slot(of_site)].previous_of_site = f;
   of_site = f;
 }
 
@@ -621,6 +623,14 @@ void RestrictedPowerDiagram::unlink_in_facet(Index f) {
   if (fragment.next_of_facet != kNone) fragments_[slot(fragment.next_of_facet)].previous_of_facet = fragment.previous_of_facet;
 }
 
+/// Writes a polygon into its room, of room_for(size).
+void RestrictedPowerDiagram::fill_room(detail::PolygonPages& polygons, Index room, const detail::PackedBarycentric* corners,
+                                       const Index* labels, Index size) {
+  if (size >= kLargeSize) *polygons.labels(room++) = size;
+  std::copy_n(corners, size, polygons.corners(room));
+  std::copy_n(labels, size, polygons.labels(room));
+}
+
 void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& clipper, EditRecord& edit) {
   store_polygon(fragment, clipper.ball(), clipper.corners(), clipper.labels().begin(), clipper.size(), edit);
 }
@@ -628,16 +638,19 @@ void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const Clipper& cl
 void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const detail::PackedBall& ball,
                                            const detail::PackedBarycentric* corners, const Index* labels, Index size,
                                            EditRecord& edit) {
-  if (size != fragment.size) {
+  const Index before = size_of(fragment);
+  if (size != before) {
     std::unique_lock<std::mutex> lock;
     if (edit.pages != nullptr) lock = std::unique_lock<std::mutex>(*edit.pages);
-    if (fragment.size != 0) polygons_.release(fragment.room, std::exchange(fragment.size, 0));
-    fragment.room = polygons_.allocate(size);
-    fragment.size = size;
+    if (before != 0) {
+      polygons_.release(fragment.room, room_for(before));
+      fragment.ball.set_note(0);
+    }
+    fragment.room = polygons_.allocate(room_for(size));
   }
-  std::copy_n(corners, size, polygons_.corners(fragment.room));
-  std::copy_n(labels, size, polygons_.labels(fragment.room));
+  fill_room(polygons_, fragment.room, corners, labels, size);
   fragment.ball = ball;
+  fragment.ball.set_note(static_cast<std::uint32_t>(std::min(size, kLargeSize)));
 }
 
 Index RestrictedPowerDiagram::take_slot(EditRecord& edit) {
@@ -675,27 +688,59 @@ void RestrictedPowerDiagram::add_fragment(Index facet, Index site, const detail:
   if (site != kNone) edit.changed_sites.push_back(site);
 }
 
-void RestrictedPowerDiagram::free_fragment(Index f, EditRecord& edit) {
+/// Frees a fragment but for its place in the list of its site, where measure_reach() of the site has to follow.
+void RestrictedPowerDiagram::retire_fragment(Index f, EditRecord& edit) {
   Fragment& fragment = fragments_[slot(f)];
-  if (fragment.site != kNone) {
-    (fragment.previous_of_site == kNone ? first_of_site_[slot(fragment.site)]
-                                        : fragments_[slot(fragment.previous_of_site)].next_of_site) = fragment.next_of_site;
-    if (fragment.next_of_site != kNone) fragments_[slot(fragment.next_of_site)].previous_of_site = fragment.previous_of_site;
-  }
+  const Index room = room_for(size_of(fragment));
   {
     std::unique_lock<std::mutex> lock;
     if (edit.pages != nullptr) lock = std::unique_lock<std::mutex>(*edit.pages);
-    polygons_.release(fragment.room, std::exchange(fragment.size, 0));
+    polygons_.release(fragment.room, room);
   }
+  fragment.ball.set_note(0);
   if (edit.beside_others) {
     edit.facet_changes.push_back({f, false});
     --edit.fragments_added;
-    edit.freed.push_back(f);
   } else {
     unlink_in_facet(f);
     --num_fragments_;
-    free_fragments_.push_back(f);
   }
+}
+
+/// In time proportional to its place in the list of its site.
+void RestrictedPowerDiagram::free_fragment(Index f, EditRecord& edit) {
+  const Fragment& fragment = fragments_[slot(f)];
+  if (fragment.site != kNone) {
+    Index* link = &first_of_site_[slot(fragment.site)];
+    while (*link != f) link = &fragments_[slot(*link)].next_of_site;
+    *link = fragment.next_of_site;
+  }
+  free_taken_fragment(f, edit);
+}
+
+/// One that is in the list of no site.
+void RestrictedPowerDiagram::free_taken_fragment(Index f, EditRecord& edit) {
+  retire_fragment(f, edit);
+  give_slot_back(f, edit);
+}
+
+void RestrictedPowerDiagram::give_slot_back(Index f, EditRecord& edit) {
+  (edit.beside_others ? edit.freed : free_fragments_).push_back(f);
+}
+
+/// Takes the fragments of s in local facets, or in the others, off its list; in the order that they had there.
+std::vector<Index> RestrictedPowerDiagram::take_fragments(Index s, bool in_local_facets) {
+  std::vector<Index> taken;
+  for (Index* link = &first_of_site_[slot(s)]; *link != kNone;) {
+    Fragment& fragment = fragments_[slot(*link)];
+    if (local(fragment.facet) == in_local_facets) {
+      taken.push_back(*link);
+      *link = fragment.next_of_site;
+    } else {
+      link = &fragment.next_of_site;
+    }
+  }
+  return taken;
 }
 
 void RestrictedPowerDiagram::compact(const Execution& execution) {
@@ -712,10 +757,10 @@ void RestrictedPowerDiagram::compact_polygons(const Execution* execution) {
   for (std::size_t f = 0; f < fragments_.size(); ++f) {
     if (execution != nullptr && f % kFragmentsPerLook == 0) execution->report(0);
     const Fragment& fragment = fragments_[f];
-    if (fragment.size == 0) continue;
-    room[f] = polygons.allocate(fragment.size);
-    std::copy_n(polygons_.corners(fragment.room), fragment.size, polygons.corners(room[f]));
-    std::copy_n(polygons_.labels(fragment.room), fragment.size, polygons.labels(room[f]));
+    if (fragment.ball.note() == 0) continue;
+    const Index size = size_of(fragment), first = first_of(fragment);
+    room[f] = polygons.allocate(room_for(size));
+    fill_room(polygons, room[f], polygons_.corners(first), polygons_.labels(first), size);
   }
   for (std::size_t f = 0; f < fragments_.size(); ++f) fragments_[f].room = room[f];
   polygons_ = std::move(polygons);
@@ -920,6 +965,14 @@ std::string RestrictedPowerDiagram::find_violation(const Execution& execution) c
     }
   }
   if (live != num_fragments_) return "fragment count is off";
+  for (Index s = 0; s < num_sites(); ++s) {
+    for (Index f = first_of_site(s); f != kNone; f = next_of_site(f), --live) {
+      if (live == 0 || !alive(f) || fragments_[slot(f)].site != s)
+        return "fragment list of " + std::to_string(s) + " is broken";
+    }
+  }
+  for (Index f = 0; f < fragment_capacity(); ++f) live -= alive(f) && fragments_[slot(f)].site == kNone ? 1 : 0;
+  if (live != 0) return "fragments are missing in the lists of their sites";
   for (Index facet = 0; facet < mesh_.num_facets(); ++facet) {
     ticker.tick();
     double sum = 0;

@@ -113,7 +113,7 @@ class RestrictedPowerDiagram {
   /// Fragments live in slots with holes: visit f in [0, fragment_capacity()) with alive(f).
   Index fragment_capacity() const { return static_cast<Index>(fragments_.size()); }
   Index num_fragments() const { return num_fragments_; }
-  bool alive(Index f) const { return fragments_[static_cast<std::size_t>(f)].size != 0; }
+  bool alive(Index f) const { return fragments_[static_cast<std::size_t>(f)].ball.note() != 0; }
   AMPS_EXPORT Polygon polygon(Index f) const;
 
   /// Is the facet divided among the sites that reach it, and not as the diagram of all sites is? Once it is, it stays so.
@@ -260,13 +260,25 @@ class RestrictedPowerDiagram {
   struct Fragment {
     Index facet = kNone, site = kNone;
     Index room = 0;  ///< of its corners and labels
-    Index size = 0;  ///< 0: free slot
-    Index next_of_site = kNone, previous_of_site = kNone;
+    Index next_of_site = kNone;
     Index next_of_facet = kNone, previous_of_facet = kNone;
     /// A ball around the corners, relative to the site: tells most fragments of a site from those an insertion touches, without
-    /// a look at the corners. With it a record is 40 bytes, and a site's fragments are read as a stream.
-    detail::PackedBall ball;
+    /// a look at the corners. With it a record is 32 bytes, and a site's fragments are read as a stream. Its note is the number
+    /// of corners; 0: free slot; kLargeSize: so many or more, their number being the first label of the room.
+    detail::PackedBall ball = detail::PackedBall::nothing();
   };
+
+  static constexpr Index kLargeSize = static_cast<Index>(detail::PackedBall::kGreatestNote);
+  static constexpr Index room_for(Index size) { return size + (size >= kLargeSize ? 1 : 0); }
+  static void fill_room(detail::PolygonPages& polygons, Index room, const detail::PackedBarycentric* corners,
+                        const Index* labels, Index size);
+  Index size_of(const Fragment& fragment) const {
+    const auto size = static_cast<Index>(fragment.ball.note());
+    return size < kLargeSize ? size : *polygons_.labels(fragment.room);
+  }
+  static Index first_of(const Fragment& fragment) {
+    return fragment.room + (fragment.ball.note() == detail::PackedBall::kGreatestNote ? 1 : 0);
+  }
 
   /// A fragment that has come into the list of its facet, or is to leave it.
   struct FacetChange {
@@ -379,7 +391,7 @@ class RestrictedPowerDiagram {
   SiteOrder number_fragments(std::vector<Batch>& batches, const Execution& execution);
   void make_records(const Batch& batch);
   void update_reach(Index s);
-  void measure_reach(Index s);
+  void measure_reach(Index s, EditRecord& edit);
   void measure_facets(const Execution& execution);
   Plane plane(Index owner, Index other) const;
   int exact_power_at_corner(const Polygon& polygon, Index k) const;
@@ -393,7 +405,11 @@ class RestrictedPowerDiagram {
   void store_polygon(Fragment& fragment, const Clipper& clipper, EditRecord& edit);
   void store_polygon(Fragment& fragment, const detail::PackedBall& ball, const detail::PackedBarycentric* corners,
                      const Index* labels, Index size, EditRecord& edit);
+  void retire_fragment(Index f, EditRecord& edit);
   void free_fragment(Index f, EditRecord& edit);
+  void free_taken_fragment(Index f, EditRecord& edit);
+  void give_slot_back(Index f, EditRecord& edit);
+  std::vector<Index> take_fragments(Index s, bool in_local_facets);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
   void clip_touched(Index by, CellScratch& scratch, EditRecord& edit);
   void prefetch_polygon(Index f) const;

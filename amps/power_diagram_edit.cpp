@@ -113,7 +113,7 @@ bool RestrictedPowerDiagram::take_cell(const NewCell& cell, CellScratch& scratch
     AMPS_ASSERT(!clipper.empty());
     add_fragment(facet, cell.site, clipper, edit);
   }
-  measure_reach(cell.site);
+  measure_reach(cell.site, edit);
   return true;
 }
 
@@ -332,14 +332,14 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
     const NewCell::Cut& cut = cell.cuts[k];
     edit_.changed.push_back(cut.fragment);
     if (cut.size == 0) {
-      free_fragment(cut.fragment, edit_);
+      retire_fragment(cut.fragment, edit_);
     } else {
       store_polygon(fragments_[slot(cut.fragment)], cut.ball, corners, labels, cut.size, edit_);
     }
     corners += cut.size;
     labels += cut.size;
     if (k + 1 < cell.cuts.size() && cell.cuts[k + 1].site == cut.site) continue;
-    measure_reach(cut.site);
+    measure_reach(cut.site, edit_);
   }
   forget_hidden(cell);
   for (const NewCell::Piece& piece : cell.pieces) {
@@ -347,7 +347,7 @@ void RestrictedPowerDiagram::store_cell(const NewCell& cell) {
     corners += piece.size;
     labels += piece.size;
   }
-  measure_reach(cell.site);
+  measure_reach(cell.site, edit_);
 }
 
 void RestrictedPowerDiagram::finish_edit(EditRecord& edit) {
@@ -391,14 +391,14 @@ void RestrictedPowerDiagram::clip_touched(Index by, CellScratch& scratch, EditRe
       scratch.facets.push_back(fragments_[slot(f)].facet);
       edit.changed.push_back(f);
       if (clipper.empty()) {
-        free_fragment(f, edit);
+        retire_fragment(f, edit);
       } else {
         store_polygon(fragments_[slot(f)], clipper, edit);
       }
     }
     if (!any_clipped) continue;
     edit.changed_sites.push_back(site);
-    measure_reach(site);  // which the triangulation may not have any more, in an edit beside others
+    measure_reach(site, edit);  // which the triangulation may not have any more, in an edit beside others
   }
 }
 
@@ -408,10 +408,10 @@ void RestrictedPowerDiagram::clip_touched(Index by, CellScratch& scratch, EditRe
 /// For the polygon of a fragment, and the corners' indices of its facet.
 void RestrictedPowerDiagram::prefetch_polygon(Index f) const {
   const Fragment& fragment = fragments_[slot(f)];
-  const detail::PackedBarycentric* const corners = polygons_.corners(fragment.room);
+  const detail::PackedBarycentric* const corners = polygons_.corners(first_of(fragment));
   detail::prefetch(corners);
-  detail::prefetch(corners + fragment.size - 1);
-  detail::prefetch(polygons_.labels(fragment.room));
+  detail::prefetch(corners + fragment.ball.note() - 1);
+  detail::prefetch(polygons_.labels(first_of(fragment)));
   detail::prefetch(mesh_.triangles.address(fragment.facet));
   detail::prefetch(&facet_error_[slot(fragment.facet)]);
 }
@@ -525,10 +525,9 @@ void RestrictedPowerDiagram::add_uncovered(std::vector<Index>& candidates) {
 /// Divides the fragments of s, which has no cell any more, among the candidates. False where an edit beside others has too few
 /// slots for all of them: what is left is divided by another call.
 bool RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& candidates, EditRecord& edit) {
-  std::vector<Index> left, possible_owners;
-  for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
-    if (local(fragments_[slot(f)].facet)) continue;
-    left.push_back(f);
+  const std::vector<Index> left = take_fragments(s, false);
+  std::vector<Index> possible_owners;
+  for (const Index f : left) {
     prefetch_polygon(f);
     detail::prefetch(&first_of_facet_[slot(fragments_[slot(f)].facet)]);
   }
@@ -546,11 +545,15 @@ bool RestrictedPowerDiagram::divide_cell(Index s, const std::vector<Index>& cand
   scratch.many = left.size() > detail::kManyFragments;
   scratch.by_site = edit.beside_others;
   reach_[slot(s)] = kNoCell;
-  for (const Index f : left) {
-    find_possible_owners(f, candidates, possible_owners);
+  for (std::size_t k = 0; k < left.size(); ++k) {
+    find_possible_owners(left[k], candidates, possible_owners);
     // Owners are among these and the sites beyond its edges.
-    if (edit.beside_others && possible_owners.size() + slot(fragments_[slot(f)].size) > edit.slots.size()) return false;
-    divide_fragment(f, possible_owners, clipper, scratch, edit);
+    const std::size_t most_owners = possible_owners.size() + slot(size_of(fragments_[slot(left[k])]));
+    if (edit.beside_others && most_owners > edit.slots.size()) {
+      for (; k < left.size(); ++k) link_to_site(left[k]);
+      return false;
+    }
+    divide_fragment(left[k], possible_owners, clipper, scratch, edit);
   }
   return true;
 }
@@ -575,6 +578,7 @@ void RestrictedPowerDiagram::find_possible_owners(Index f, const std::vector<Ind
   }
 }
 
+/// f is in the list of no site any more.
 void RestrictedPowerDiagram::divide_fragment(Index f, const std::vector<Index>& possible_owners, Clipper& clipper,
                                              DivideScratch& scratch, EditRecord& edit) {
   const Polygon left = polygon(f);
@@ -583,7 +587,7 @@ void RestrictedPowerDiagram::divide_fragment(Index f, const std::vector<Index>& 
   for (Index k = 0; k < left.size; ++k) {
     if (is_site(left.labels[k])) owners.push_back(left.labels[k]);
   }
-  free_fragment(f, edit);
+  free_taken_fragment(f, edit);
   edit.changed.push_back(f);
   edit.changed_sites.push_back(left.site);
   if (owners.empty()) owners.push_back(owner_of_corner(left.facet, possible_owners));

@@ -197,7 +197,7 @@ bool RestrictedPowerDiagram::is_foreign(Index f) const {
   const double error = facet_error_[slot(fragment.facet)];
   const double beyond = detail::norm(fragment.ball.centre()) * (1 - detail::kOffsetSlack) - fragment.ball.radius() - error;
   if (beyond > 0 && beyond * beyond > owner.w) return false;
-  return detail::ball_may_meet(polygon(f).corners, fragment.size, detail::normal_of(mesh_, fragment.facet), owner, error);
+  return detail::ball_may_meet(polygon(f).corners, size_of(fragment), detail::normal_of(mesh_, fragment.facet), owner, error);
 }
 
 void RestrictedPowerDiagram::find_local_facets(const Execution& execution) {
@@ -505,10 +505,8 @@ void RestrictedPowerDiagram::leave_local_facets(Index s) {
 
 /// Divides what s, which takes no part any more, has in local facets.
 void RestrictedPowerDiagram::give_local_facets_away(Index s) {
-  std::vector<Index> left, candidates;
-  for (Index f = first_of_site(s); f != kNone; f = next_of_site(f)) {
-    if (local(fragments_[slot(f)].facet)) left.push_back(f);
-  }
+  const std::vector<Index> left = take_fragments(s, true);
+  std::vector<Index> candidates;
   Clipper clipper(*this);
   DivideScratch scratch;
   scratch.many = left.size() > detail::kManyFragments;
@@ -521,7 +519,7 @@ void RestrictedPowerDiagram::give_local_facets_away(Index s) {
     const Index facet = fragments_[slot(f)].facet;
     edit_.changed.push_back(f);
     edit_.changed_sites.push_back(s);
-    free_fragment(f, edit_);
+    free_taken_fragment(f, edit_);
     add_ownerless_fragment(facet);
   }
 }

@@ -387,6 +387,44 @@ TEST_CASE("power_diagram: edits that cannot be say why and change nothing") {
   CHECK(broken_law(mesh, diagram) == "");
 }
 
+TEST_CASE("power_diagram: fragments of a thousand corners are kept as others are") {
+  // Their numbers no longer fit into the records from 1023 on. One cell has a corner for each site of a circle around it.
+  const Mesh mesh = one_triangle({-10, -9, 0}, {12, -9, 0}, {0, 11, 0});
+  WeightedPoints list = {{0, 0, 0, 0}};
+  constexpr Index kOnCircle = 1025;
+  for (Index k = 0; k < kOnCircle; ++k) {
+    const double angle = 2 * kPi * k / kOnCircle;
+    list.push_back({std::cos(angle), std::sin(angle), 0, 0});
+  }
+  EditedDiagram edited(mesh, sites_of(list));
+  const auto size_of_first = [&] { return edited.diagram().polygon(edited.diagram().first_of_site(0)).size; };
+  REQUIRE(size_of_first() == kOnCircle);
+  std::set<Index> sizes;
+  Rng rng(17);
+  for (int edit = 0; edit < 60; ++edit) {
+    const bool removes = edit % 20 < 10;
+    if (removes) {
+      Index s = 0;
+      while (s == 0) s = any_of(rng, edited.present());
+      edited.remove(s);
+    } else {
+      const Index s = any_of(rng, edited.removed());
+      const double angle = 2 * kPi * (s - 1) / kOnCircle;
+      edited.reinsert(s, {std::cos(angle), std::sin(angle), 0}, 0);
+    }
+    sizes.insert(size_of_first());
+    if (edit % 3 == 0) REQUIRE(edited.equals_rebuild());
+  }
+  CHECK(sizes.count(1022) + sizes.count(1023) + sizes.count(1024) == 3);
+  const Index inside = static_cast<Index>(list.size());
+  edited.insert({0.1, 0.2, 0}, 0);  // takes half of it
+  CHECK(edited.equals_rebuild());
+  CHECK(edited.broken_law() == "");
+  edited.remove(inside);
+  edited.remove(0);
+  CHECK(edited.equals_rebuild());
+}
+
 TEST_SUITE("slow") {
   TEST_CASE("power_diagram: thousands of edits of real surfaces and large sets") {
     const std::vector<NamedMesh> meshes = {{"bunny", data_mesh_or("bunny_36k_holes.obj", amps::make_knot())},
