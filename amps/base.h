@@ -14,8 +14,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <memory>
+#include <new>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
+#include <utility>
 
 /// Marks what a shared library shows. Where amps is one (AMPS_SHARED: CMake defines it, for users as well, who may also do so
 /// by hand), all else is hidden; a static library and the single header need nothing.
@@ -164,6 +168,22 @@ inline void prefetch(const void* p) noexcept {
   static_cast<void>(p);
 #endif
 }
+
+/// Leaves the elements that resize() adds as they are in memory: threads that fill them then share its page faults as well.
+template <class T>
+struct UninitializedAllocator : std::allocator<T> {
+  static_assert(std::is_trivially_copyable<T>::value, "has to be written before it is read, by assignment");
+  template <class U>
+  struct rebind {
+    using other = UninitializedAllocator<U>;
+  };
+  template <class U>
+  void construct(U*) noexcept {}
+  template <class U, class... Arguments>
+  void construct(U* at, Arguments&&... arguments) {
+    ::new (static_cast<void*>(at)) U(std::forward<Arguments>(arguments)...);
+  }
+};
 
 /// Wall-clock seconds since construction or the last lap().
 class Stopwatch {

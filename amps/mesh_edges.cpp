@@ -50,40 +50,70 @@ std::uint64_t position_hash(const Vec3& x) {
 MeshEdges::MeshEdges(const TrianglesView& triangles, Index num_vertices, const std::vector<char>& counted, const Execution& run)
     : num_corners_(3 * static_cast<std::size_t>(triangles.rows())) {
   const auto num_facets = static_cast<Index>(triangles.rows());
-  Ticker ticker(run, 2 * slot(num_facets) + slot(num_vertices), kEdgesPerLook);
-  const auto for_each_side = [&](auto&& body) {
+  // Each part has some of the vertices, and takes the sides from them out of all.
+  constexpr std::size_t kMostParts = 8, kFacetsWorthAPart = std::size_t{1} << 14;
+  const std::size_t num_parts =
+      std::max<std::size_t>(1, std::min({std::size_t{run.workers()}, kMostParts, slot(num_facets) / kFacetsWorthAPart}));
+  const Index vertices_per_part = num_vertices / static_cast<Index>(num_parts) + 1;
+  WorkCounter done(run, (2 * slot(num_facets) + slot(num_vertices)) * num_parts);
+  const auto in_parts = [&](const auto& body) {
+    parallel_for(num_parts, 1, run, [&](std::size_t part, std::size_t) {
+      const Index first = std::min(num_vertices, static_cast<Index>(part) * vertices_per_part);
+      body(part, first, std::min(num_vertices, first + vertices_per_part));
+    });
+  };
+  const auto for_each_side = [&](Index first, Index last, const auto& body) {
+    const auto count = static_cast<std::uint32_t>(last - first);
     for (Index f = 0; f < num_facets; ++f) {
-      ticker.tick();
+      if (slot(f) % kEdgesPerLook == 0) done.add(kEdgesPerLook);
       if (!counted.empty() && counted[slot(f)] == 0) continue;
       const Index v[3] = {triangles(f, 0), triangles(f, 1), triangles(f, 2)};
       for (std::uint8_t k = 0; k < 3; ++k) {
         const Index from = v[k], to = v[k == 2 ? 0 : k + 1];
         const bool forward = from <= to;
-        body(forward ? from : to, EdgeSide{forward ? to : from, f, k, forward});
+        const Index low = forward ? from : to;
+        if (static_cast<std::uint32_t>(low - first) < count) body(low, EdgeSide{forward ? to : from, f, k, forward});
       }
     }
   };
   // By lower vertex, facet by facet: a counting sort.
   std::vector<std::size_t> start(slot(num_vertices) + 2, 0);
-  for_each_side([&](Index low, const EdgeSide&) { ++start[slot(low) + 2]; });
+  in_parts([&](std::size_t, Index first, Index last) {
+    for_each_side(first, last, [&](Index low, const EdgeSide&) { ++start[slot(low) + 2]; });
+  });
   std::partial_sum(start.begin(), start.end(), start.begin());
-  resize_watched(sides_, start.back(), EdgeSide{}, run);
-  for_each_side([&](Index low, const EdgeSide& side) { sides_[start[slot(low) + 1]++] = side; });
-  if (sides_.size() > slot(std::numeric_limits<Index>::max())) {
+  if (start.back() > slot(std::numeric_limits<Index>::max())) {
     throw Error(ErrorCode::kTooLarge, "amps: " + std::to_string(num_facets) + " facets are too many to list their edges");
   }
-  begin_.reserve(sides_.size() / 2 + 1);
-  low_.reserve(sides_.size() / 2);
-  for (Index low = 0; low < num_vertices; ++low) {
-    ticker.tick();
-    EdgeSide* const first = sides_.data() + start[slot(low)];
-    EdgeSide* const last = sides_.data() + start[slot(low) + 1];
-    sort_by_high(first, last, run);
-    for (const EdgeSide* at = first; at < last; ++at) {
-      if (at > first && at[-1].high == at->high) continue;
-      begin_.push_back(static_cast<Index>(at - sides_.data()));
-      low_.push_back(low);
+  sides_.resize(start.back());
+  struct Listed {
+    std::vector<Index> begin, low;
+  };
+  std::vector<Listed> listed(num_parts);
+  in_parts([&](std::size_t part, Index first, Index last) {
+    const std::size_t begin = start[slot(first) + 1];
+    for_each_side(first, last, [&](Index low, const EdgeSide& side) { sides_[start[slot(low) + 1]++] = side; });
+    auto& [begins, lows] = listed[part];
+    const std::size_t num_sides = first < last ? start[slot(last)] - begin : 0;
+    begins.reserve(num_sides / 2 + 1);
+    lows.reserve(num_sides / 2);
+    for (Index low = first; low < last; ++low) {
+      if (slot(low) % kEdgesPerLook == 0) done.add(kEdgesPerLook);
+      EdgeSide* const first_side = sides_.data() + (low == first ? begin : start[slot(low)]);
+      EdgeSide* const last_side = sides_.data() + start[slot(low) + 1];
+      sort_by_high(first_side, last_side, run);
+      for (const EdgeSide* at = first_side; at < last_side; ++at) {
+        if (at > first_side && at[-1].high == at->high) continue;
+        begins.push_back(static_cast<Index>(at - sides_.data()));
+        lows.push_back(low);
+      }
     }
+  });
+  begin_ = std::move(listed.front().begin);
+  low_ = std::move(listed.front().low);
+  for (std::size_t part = 1; part < num_parts; ++part) {
+    begin_.insert(begin_.end(), listed[part].begin.begin(), listed[part].begin.end());
+    low_.insert(low_.end(), listed[part].low.begin(), listed[part].low.end());
   }
   begin_.push_back(static_cast<Index>(sides_.size()));
 }

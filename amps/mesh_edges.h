@@ -76,7 +76,7 @@ class MeshEdges {
 
  private:
   std::size_t num_corners_;
-  std::vector<EdgeSide> sides_;
+  std::vector<EdgeSide, UninitializedAllocator<EdgeSide>> sides_;
   std::vector<Index> begin_;  ///< of each edge's sides, and the end
   std::vector<Index> low_;
 };

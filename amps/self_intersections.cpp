@@ -5,7 +5,6 @@
 #include "amps/mesh_scale.h"
 #include "amps/predicates.h"
 #include "amps/spatial_sort.h"
-#include "amps/triangulation.h"
 
 #include <algorithm>
 #include <array>

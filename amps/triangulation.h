@@ -45,9 +45,7 @@
 
 #include <algorithm>
 #include <array>
-#include <memory>
 #include <string>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -63,22 +61,6 @@ inline constexpr int kFaceCorners[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 
 }  // namespace detail
 
 namespace detail {
-
-/// Leaves the elements that resize() adds as they are in memory: threads that fill them then share its page faults as well.
-template <class T>
-struct UninitializedAllocator : std::allocator<T> {
-  static_assert(std::is_trivially_copyable<T>::value, "has to be written before it is read, by assignment");
-  template <class U>
-  struct rebind {
-    using other = UninitializedAllocator<U>;
-  };
-  template <class U>
-  void construct(U*) noexcept {}
-  template <class U, class... Arguments>
-  void construct(U* at, Arguments&&... arguments) {
-    ::new (static_cast<void*>(at)) U(std::forward<Arguments>(arguments)...);
-  }
-};
 
 struct TriangulationTestAccess;  // defined by the tests, to corrupt a triangulation and see check() notice
 }  // namespace detail

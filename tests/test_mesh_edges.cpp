@@ -1,5 +1,6 @@
 #include "amps/mesh_edges.h"
 
+#include "kit/execution.h"
 #include "kit/meshes.h"
 
 #include "amps/mesh.h"
@@ -323,6 +324,45 @@ TEST_CASE("surface edges: the topology of a surface is that of its mesh, welded,
     CHECK(found.non_manifold_edges == wanted.non_manifold_edges);
     CHECK(found.non_manifold_vertices == wanted.non_manifold_vertices);
     CHECK(found.inconsistent_edges == wanted.inconsistent_edges);
+  }
+}
+
+TEST_CASE("mesh_edges: the same on any number of threads") {
+  Rng rng(41);
+  // Random triangles: edges of no, one and many facets, a hub in a third of all, and flags that leave out some.
+  const Index num_vertices = 9000, num_facets = 70000;
+  std::vector<Index> corners;
+  for (Index f = 0; f < num_facets; ++f) {
+    const auto v = static_cast<Index>(rng.below(num_vertices - 40));
+    corners.push_back(f % 3 == 0 ? 4711 : v);
+    corners.push_back(v + 1 + static_cast<Index>(rng.below(4)));
+    corners.push_back(v + 5 + static_cast<Index>(rng.below(30)));
+  }
+  const amps::Triangles triangles(corners);
+  std::vector<char> counted;
+  for (Index f = 0; f < num_facets; ++f) counted.push_back(rng.below(5) != 0 ? 1 : 0);
+  for (const std::vector<char>& flags : {std::vector<char>(), counted}) {
+    const amps::detail::MeshEdges one(triangles, num_vertices, flags, on_threads(1));
+    std::size_t num_sides = 0;
+    for (const unsigned threads : {2u, 3u, 7u}) {
+      const amps::detail::MeshEdges several(triangles, num_vertices, flags, on_threads(threads));
+      REQUIRE(several.size() == one.size());
+      bool same = true;
+      num_sides = 0;
+      for (std::size_t e = 0; e < one.size(); ++e) {
+        const auto a = one[e], b = several[e];
+        same = same && a.low == b.low && a.high == b.high && a.size() == b.size();
+        for (std::size_t k = 0; same && k < a.size(); ++k) {
+          same = a[k].high == a.high && a[k].high == b[k].high && a[k].facet == b[k].facet && a[k].k == b[k].k &&
+                 a[k].forward == b[k].forward;
+        }
+        num_sides += b.size();
+      }
+      CHECK(same);
+      CHECK(several.edge_of_sides(on_threads(threads)) == one.edge_of_sides());
+    }
+    const auto left_out = std::count(flags.begin(), flags.end(), char{0});
+    CHECK(num_sides == 3 * static_cast<std::size_t>(num_facets - left_out));
   }
 }
 
