@@ -307,7 +307,11 @@ class RestrictedPowerDiagram {
   static void bound(Fragment& fragment, const Vec3* corner);
   void free_fragment(Index f);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
+  template <class Visit>
+  void for_each_taken(Index by, CellScratch& scratch, const Visit& visit) const;
   void clip_touched(Index by, CellScratch& scratch);
+  template <class Add>
+  void divide_taken(Index site, CellScratch& scratch, const Add& add) const;
   void prefetch_polygon(Index f) const;
   void prefetch_facet_corners(Index facet) const;
   std::uint32_t new_stamp();

@@ -24,8 +24,13 @@ struct RestrictedPowerDiagram::CellScratch {
   explicit CellScratch(const RestrictedPowerDiagram& diagram) : clipper(diagram) { clipper.remember_crossings(); }
 
   Clipper clipper;
-  std::vector<Plane> planes;           ///< of the new site, by offset
-  std::vector<Index> touched, facets;  ///< fragments it may take something from; where it has
+  /// A fragment that the new site takes from: where, and whose it was; kNone if nothing is left of it.
+  struct Taken {
+    Index facet, order, site;
+  };
+  std::vector<Plane> planes;   ///< of the new site, by offset
+  std::vector<Index> touched;  ///< fragments it may take something from
+  std::vector<Taken> taken;
 };
 
 Index RestrictedPowerDiagram::insert(const Vec3& position, double weight, Index near) {
@@ -102,18 +107,29 @@ void RestrictedPowerDiagram::take_cell(const NewCell& cell, CellScratch& scratch
   find_touched(cell, scratch);
   clip_touched(cell.site, scratch);
   forget_hidden(cell);
-  std::vector<Index>& facets = scratch.facets;
-  std::sort(facets.begin(), facets.end());
-  facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-  Clipper& clipper = scratch.clipper;
-  for (const Index facet : facets) {
-    clipper.set_facet(facet);
-    clipper.start(cell.site);
-    clipper.clip_all(scratch.planes.data(), scratch.planes.data() + scratch.planes.size());
-    AMPS_ASSERT(!clipper.empty());
-    add_fragment(facet, cell.site, clipper);
-  }
+  divide_taken(cell.site, scratch, [&](Index facet, const Clipper& clipper) { add_fragment(facet, cell.site, clipper); });
   measure_reach(cell.site);
+}
+
+/// What the new site has in each facet where it takes something. Beyond each edge of that is somebody it takes a part from, and
+/// leaves a part.
+template <class Add>
+void RestrictedPowerDiagram::divide_taken(Index site, CellScratch& scratch, const Add& add) const {
+  std::vector<CellScratch::Taken>& taken = scratch.taken;
+  std::sort(taken.begin(), taken.end(), [](const CellScratch::Taken& a, const CellScratch::Taken& b) {
+    return a.facet != b.facet ? a.facet < b.facet : a.order < b.order;
+  });
+  Clipper& clipper = scratch.clipper;
+  for (auto from = taken.begin(); from != taken.end();) {
+    const Index facet = from->facet;
+    clipper.set_facet(facet);
+    clipper.start(site);
+    for (; from != taken.end() && from->facet == facet; ++from) {
+      if (from->site != kNone) clipper.clip(from->site);
+    }
+    AMPS_ASSERT(!clipper.empty());
+    add(facet, clipper);
+  }
 }
 
 /// Lists the fragments from which the cell of a new site may take something, grouped by site, and the planes of the new site.
@@ -216,7 +232,7 @@ void RestrictedPowerDiagram::note_changes(std::size_t from, const std::vector<do
 /// Finds the first cells of `now`, and returns how many; `next` enters the triangulation beside that.
 std::size_t RestrictedPowerDiagram::find_cells(Arrivals& now, Arrivals& next, const std::function<void()>& draw,
                                                const Measure& measure, const Execution& execution) {
-  constexpr std::size_t kCellsPerTask = 8, kFewCells = 8;
+  constexpr std::size_t kCellsPerTask = 4, kFewCells = 8;
   const auto triangulate = [this](Arrivals& arrivals) {
     for (std::size_t& k = arrivals.num_triangulated_; k < arrivals.size(); ++k) enter_triangulation(arrivals.cells_[k]);
   };
@@ -251,32 +267,20 @@ void RestrictedPowerDiagram::find_cell(NewCell& cell, CellScratch& scratch) cons
   cell.labels.clear();
   cell.values.clear();
   if (!cell.visible) return;
-  Clipper& clipper = scratch.clipper;
+  const Clipper& clipper = scratch.clipper;
   const auto keep = [&] {
     cell.corners.insert(cell.corners.end(), clipper.corners(), clipper.corners() + clipper.size());
     cell.labels.insert(cell.labels.end(), clipper.labels().begin(), clipper.labels().end());
   };
   find_touched(cell, scratch);
-  std::vector<Index>& facets = scratch.facets;
-  facets.clear();
-  for (const Index f : scratch.touched) {
-    const Fragment& fragment = fragments_[slot(f)];
-    clipper.load(polygon(f));
-    if (!clipper.clip(cell.site)) continue;
-    facets.push_back(fragment.facet);
-    cell.cuts.push_back({f, fragment.site, clipper.size()});
+  for_each_taken(cell.site, scratch, [&](Index f) {
+    cell.cuts.push_back({f, fragments_[slot(f)].site, clipper.size()});
     keep();
-  }
-  std::sort(facets.begin(), facets.end());
-  facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-  for (const Index facet : facets) {
-    clipper.set_facet(facet);
-    clipper.start(cell.site);
-    clipper.clip_all(scratch.planes.data(), scratch.planes.data() + scratch.planes.size());
-    if (clipper.empty()) continue;  // others that come before take all of it
+  });
+  divide_taken(cell.site, scratch, [&](Index facet, const Clipper&) {
     cell.pieces.push_back({facet, clipper.size()});
     keep();
-  }
+  });
 }
 
 /// Measures what cells have been found to leave and to take.
@@ -373,31 +377,42 @@ void RestrictedPowerDiagram::find_touched(Index site, Index by, std::vector<Inde
   }
 }
 
-/// Takes the cell of `by` off the fragments that it touches, and lists the facets where it took something.
-void RestrictedPowerDiagram::clip_touched(Index by, CellScratch& scratch) {
+/// Clips the fragments that the cell of `by` touches; visit(f) for each of which it takes something, with what is left of it in
+/// the clipper.
+template <class Visit>
+void RestrictedPowerDiagram::for_each_taken(Index by, CellScratch& scratch, const Visit& visit) const {
   const std::vector<Index>& touched = scratch.touched;
   Clipper& clipper = scratch.clipper;
-  scratch.facets.clear();
-  for (std::size_t k = 0; k < touched.size();) {
-    const Index site = fragments_[slot(touched[k])].site;
-    bool any_clipped = false;
-    for (; k < touched.size() && fragments_[slot(touched[k])].site == site; ++k) {
-      const Index f = touched[k];
-      clipper.load(polygon(f));
-      if (!clipper.clip(by)) continue;
-      any_clipped = true;
-      scratch.facets.push_back(fragments_[slot(f)].facet);
-      changed_.push_back(f);
-      if (clipper.empty()) {
-        free_fragment(f);
-      } else {
-        store_polygon(fragments_[slot(f)], clipper);
-      }
-    }
-    if (!any_clipped) continue;
-    changed_sites_.push_back(site);
-    measure_reach(site);
+  scratch.taken.clear();
+  for (std::size_t k = 0; k < touched.size(); ++k) {
+    const Index f = touched[k], facet = fragments_[slot(f)].facet, site = fragments_[slot(f)].site;
+    clipper.load(polygon(f));
+    if (!clipper.clip(by)) continue;
+    scratch.taken.push_back({facet, static_cast<Index>(k), clipper.empty() ? kNone : site});
+    visit(f);
   }
+}
+
+/// Takes the cell of `by` off the fragments that it touches.
+void RestrictedPowerDiagram::clip_touched(Index by, CellScratch& scratch) {
+  Index last = kNone;
+  const auto finish = [&](Index site) {
+    if (last != kNone && last != site) {
+      changed_sites_.push_back(last);
+      measure_reach(last);
+    }
+    last = site;
+  };
+  for_each_taken(by, scratch, [&](Index f) {
+    finish(fragments_[slot(f)].site);
+    changed_.push_back(f);
+    if (scratch.clipper.empty()) {
+      free_fragment(f);
+    } else {
+      store_polygon(fragments_[slot(f)], scratch.clipper);
+    }
+  });
+  finish(kNone);
 }
 
 // Fragments that an edit touches are far apart in memory. It asks for all of them before it works on the first: on a mesh that
