@@ -411,7 +411,11 @@ class RestrictedPowerDiagram {
   void give_slot_back(Index f, EditRecord& edit);
   std::vector<Index> take_fragments(Index s, bool in_local_facets);
   void find_touched(Index site, Index by, std::vector<Index>& touched) const;
+  template <class Visit>
+  void for_each_taken(Index by, CellScratch& scratch, const Visit& visit) const;
   void clip_touched(Index by, CellScratch& scratch, EditRecord& edit);
+  template <class Add>
+  void divide_taken(Index site, CellScratch& scratch, const Add& add) const;
   void prefetch_polygon(Index f) const;
   void prefetch_facet_corners(Index facet) const;
   std::uint32_t new_stamp();

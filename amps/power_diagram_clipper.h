@@ -364,8 +364,13 @@ struct RestrictedPowerDiagram::CellScratch {
   explicit CellScratch(const RestrictedPowerDiagram& diagram) : clipper(diagram) { clipper.remember_crossings(); }
 
   Clipper clipper;
-  std::vector<Plane> planes;           ///< of the new site, by offset
-  std::vector<Index> touched, facets;  ///< fragments it may take something from; where it has
+  /// A fragment that the new site takes from: where, and whose it was; kNone if nothing is left of it.
+  struct Taken {
+    Index facet, order, site;
+  };
+  std::vector<Plane> planes;   ///< of the new site, by offset
+  std::vector<Index> touched;  ///< fragments it may take something from
+  std::vector<Taken> taken;
 };
 
 }  // namespace amps

@@ -102,19 +102,30 @@ bool RestrictedPowerDiagram::take_cell(const NewCell& cell, CellScratch& scratch
   if (edit.beside_others && scratch.touched.size() > edit.slots.size()) return false;
   clip_touched(cell.site, scratch, edit);
   forget_hidden(cell);
-  std::vector<Index>& facets = scratch.facets;
-  std::sort(facets.begin(), facets.end());
-  facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-  Clipper& clipper = scratch.clipper;
-  for (const Index facet : facets) {
-    clipper.set_facet(facet);
-    clipper.start(cell.site);
-    clipper.clip_all(scratch.planes.data(), scratch.planes.data() + scratch.planes.size());
-    AMPS_ASSERT(!clipper.empty());
-    add_fragment(facet, cell.site, clipper, edit);
-  }
+  divide_taken(cell.site, scratch, [&](Index facet, const Clipper& clipper) { add_fragment(facet, cell.site, clipper, edit); });
   measure_reach(cell.site, edit);
   return true;
+}
+
+/// What the new site has in each facet where it takes something. Beyond each edge of that is somebody it takes a part from, and
+/// leaves a part.
+template <class Add>
+void RestrictedPowerDiagram::divide_taken(Index site, CellScratch& scratch, const Add& add) const {
+  std::vector<CellScratch::Taken>& taken = scratch.taken;
+  std::sort(taken.begin(), taken.end(), [](const CellScratch::Taken& a, const CellScratch::Taken& b) {
+    return a.facet != b.facet ? a.facet < b.facet : a.order < b.order;
+  });
+  Clipper& clipper = scratch.clipper;
+  for (auto from = taken.begin(); from != taken.end();) {
+    const Index facet = from->facet;
+    clipper.set_facet(facet);
+    clipper.start(site);
+    for (; from != taken.end() && from->facet == facet; ++from) {
+      if (from->site != kNone) clipper.clip(from->site);
+    }
+    AMPS_ASSERT(!clipper.empty());
+    add(facet, clipper);
+  }
 }
 
 /// Lists the fragments from which the cell of a new site may take something, grouped by site, and the planes of the new site.
@@ -217,7 +228,7 @@ void RestrictedPowerDiagram::note_changes(std::size_t from, const std::vector<do
 /// Finds the first cells of `now`, and returns how many; `next` enters the triangulation beside that.
 std::size_t RestrictedPowerDiagram::find_cells(Arrivals& now, Arrivals& next, const std::function<void()>& draw,
                                                const Measure& measure, const Execution& execution) {
-  constexpr std::size_t kCellsPerTask = 8, kFewCells = 8;
+  constexpr std::size_t kCellsPerTask = 4, kFewCells = 8;
   const auto triangulate = [this](Arrivals& arrivals) {
     for (std::size_t& k = arrivals.num_triangulated_; k < arrivals.size(); ++k) enter_triangulation(arrivals.cells_[k]);
   };
@@ -252,32 +263,20 @@ void RestrictedPowerDiagram::find_cell(NewCell& cell, CellScratch& scratch) cons
   cell.labels.clear();
   cell.values.clear();
   if (!cell.visible) return;
-  Clipper& clipper = scratch.clipper;
+  const Clipper& clipper = scratch.clipper;
   const auto keep = [&] {
     cell.corners.insert(cell.corners.end(), clipper.corners(), clipper.corners() + clipper.size());
     cell.labels.insert(cell.labels.end(), clipper.labels().begin(), clipper.labels().end());
   };
   find_touched(cell, scratch);
-  std::vector<Index>& facets = scratch.facets;
-  facets.clear();
-  for (const Index f : scratch.touched) {
-    const Fragment& fragment = fragments_[slot(f)];
-    clipper.load(polygon(f));
-    if (!clipper.clip(cell.site)) continue;
-    facets.push_back(fragment.facet);
-    cell.cuts.push_back({f, fragment.site, clipper.size(), clipper.ball()});
+  for_each_taken(cell.site, scratch, [&](Index f) {
+    cell.cuts.push_back({f, fragments_[slot(f)].site, clipper.size(), clipper.ball()});
     keep();
-  }
-  std::sort(facets.begin(), facets.end());
-  facets.erase(std::unique(facets.begin(), facets.end()), facets.end());
-  for (const Index facet : facets) {
-    clipper.set_facet(facet);
-    clipper.start(cell.site);
-    clipper.clip_all(scratch.planes.data(), scratch.planes.data() + scratch.planes.size());
-    if (clipper.empty()) continue;  // others that come before take all of it
+  });
+  divide_taken(cell.site, scratch, [&](Index facet, const Clipper&) {
     cell.pieces.push_back({facet, clipper.size(), clipper.ball()});
     keep();
-  }
+  });
 }
 
 /// Measures what cells have been found to leave and to take.
@@ -375,31 +374,42 @@ void RestrictedPowerDiagram::find_touched(Index site, Index by, std::vector<Inde
   }
 }
 
-/// Takes the cell of `by` off the fragments that it touches, and lists the facets where it took something.
-void RestrictedPowerDiagram::clip_touched(Index by, CellScratch& scratch, EditRecord& edit) {
+/// Clips the fragments that the cell of `by` touches; visit(f) for each of which it takes something, with what is left of it in
+/// the clipper.
+template <class Visit>
+void RestrictedPowerDiagram::for_each_taken(Index by, CellScratch& scratch, const Visit& visit) const {
   const std::vector<Index>& touched = scratch.touched;
   Clipper& clipper = scratch.clipper;
-  scratch.facets.clear();
-  for (std::size_t k = 0; k < touched.size();) {
-    const Index site = fragments_[slot(touched[k])].site;
-    bool any_clipped = false;
-    for (; k < touched.size() && fragments_[slot(touched[k])].site == site; ++k) {
-      const Index f = touched[k];
-      clipper.load(polygon(f));
-      if (!clipper.clip(by)) continue;
-      any_clipped = true;
-      scratch.facets.push_back(fragments_[slot(f)].facet);
-      edit.changed.push_back(f);
-      if (clipper.empty()) {
-        retire_fragment(f, edit);
-      } else {
-        store_polygon(fragments_[slot(f)], clipper, edit);
-      }
-    }
-    if (!any_clipped) continue;
-    edit.changed_sites.push_back(site);
-    measure_reach(site, edit);  // which the triangulation may not have any more, in an edit beside others
+  scratch.taken.clear();
+  for (std::size_t k = 0; k < touched.size(); ++k) {
+    const Index f = touched[k], facet = fragments_[slot(f)].facet, site = fragments_[slot(f)].site;
+    clipper.load(polygon(f));
+    if (!clipper.clip(by)) continue;
+    scratch.taken.push_back({facet, static_cast<Index>(k), clipper.empty() ? kNone : site});
+    visit(f);
   }
+}
+
+/// Takes the cell of `by` off the fragments that it touches.
+void RestrictedPowerDiagram::clip_touched(Index by, CellScratch& scratch, EditRecord& edit) {
+  Index last = kNone;
+  const auto finish = [&](Index site) {
+    if (last != kNone && last != site) {
+      edit.changed_sites.push_back(last);
+      measure_reach(last, edit);  // which the triangulation may not have any more, in an edit beside others
+    }
+    last = site;
+  };
+  for_each_taken(by, scratch, [&](Index f) {
+    finish(fragments_[slot(f)].site);
+    edit.changed.push_back(f);
+    if (scratch.clipper.empty()) {
+      retire_fragment(f, edit);
+    } else {
+      store_polygon(fragments_[slot(f)], scratch.clipper, edit);
+    }
+  });
+  finish(kNone);
 }
 
 // Fragments that an edit touches are far apart in memory. It asks for all of them before it works on the first: on a mesh that
