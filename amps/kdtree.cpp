@@ -179,11 +179,11 @@ struct KdTree::Impl {
    public:
     explicit Part(std::vector<Index> rows) : rows_(std::move(rows)) {}
 
-    void build(const PointsView& view, const detail::MeshScale& scale, detail::WorkCounter& done) {
+    void build(const PointsView& view, const detail::MeshScale& unit, detail::WorkCounter& done) {
       if (!std::is_sorted(rows_.begin(), rows_.end())) std::sort(rows_.begin(), rows_.end());
       points_.coordinates.reserve(3 * rows_.size());
       for (std::size_t k = 0; k < rows_.size(); ++k) {
-        const Vec3 x = scale.point(view[rows_[k]]);
+        const Vec3 x = unit.point(view[rows_[k]]);
         points_.coordinates.insert(points_.coordinates.end(), x.data(), x.data() + 3);
         low_ = low_.cwiseMin(x);
         high_ = high_.cwiseMax(x);

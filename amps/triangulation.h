@@ -19,7 +19,7 @@
 //
 // How. Incremental insertion (Bowyer 1981, Watson 1981) with a ghost vertex at infinity; bulk input is sorted into rounds of
 // growing size (BRIO: Amenta, Choi & Rote 2003), each along a Hilbert curve; single points are located by a visibility walk.
-// Several threads own intervals of that curve (Marot, Pellerin & Remacle 2019; triangulation_parallel.cpp). A removed vertex
+// Several threads own a box of space each (after Marot, Pellerin & Remacle 2019; triangulation_parallel.cpp). A removed vertex
 // leaves a hole that the triangulation of its link fills (Devillers & Teillaud 2011; triangulation_edit.cpp).
 //
 // Cost. Expected O(n log n) for bulk input; single insertion with a good hint, removal, and a move cost O(1) expected on
