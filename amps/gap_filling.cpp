@@ -111,7 +111,9 @@ void GapFiller::set_weight(Index f, double weight) {
   const bool has_gap = weight > 0;
   if (slot(f) >= place_of_.size()) {
     if (!has_gap) return;
-    place_of_.resize(std::max(slot(diagram_.fragment_capacity()), slot(f) + 1));
+    const std::size_t wanted = std::max(slot(diagram_.fragment_capacity()), slot(f) + 1);
+    if (wanted > place_of_.capacity()) place_of_.reserve(wanted + wanted / 8);  // doubled, it would take megabytes
+    place_of_.resize(wanted);
   }
   Place& place = place_of_[slot(f)];
   if (place.stretch != current_ && has_gap &&
@@ -145,6 +147,7 @@ void GapFiller::look_at_all(const Execution& execution) {
   // At least two, which take turns, where one would be of some size.
   const std::size_t num_stretches = std::max<std::size_t>(num_sites / kSitesAtATime, num_sites < kSitesOfTwo ? 1 : 2);
   stretches_.resize(num_stretches);
+  place_of_.reserve(room_for_more(n));
   place_of_.resize(n);
   std::vector<double> of_stretch;
   for_each_piece(num_stretches, 1, execution.part(0.85, 0.95), [&](std::size_t i, std::size_t) {

@@ -17,6 +17,7 @@
 #include "amps/wanted_radii.h"
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <vector>
@@ -101,7 +102,7 @@ class GapFiller {
   /// maybe on another thread. Darts are thrown into the gaps as they were some samples ago, and one that lies in a disk of
   /// these is left out. Requires can_fill_together().
   GapFilling fill_together(Rng& rng, const GapFillLimits& limits, const Enter& enter, const EnterSites& enter_sites);
-  /// Is a dart's disk decided by the disks alone? By the max rule, and with equal radii.
+  /// By the max rule, and with equal radii. (The min rule is for comparisons.)
   bool can_fill_together() const { return radii_.uniform() || radii_.rule() == ConflictRule::kMax; }
 
  private:
@@ -127,7 +128,6 @@ class GapFiller {
     std::uint64_t gaps = 0;  ///< chosen
     int thinned = 0;         ///< darts in a row
   };
-
   class Turns;
 
   Run start(Rng& rng, const GapFillLimits& limits) const;
