@@ -51,6 +51,11 @@ Index DiskSet::covering_sample(const SurfacePoint& x) const {
   return kNone;
 }
 
+bool DiskSet::is_covered_from(Index first, const SurfacePoint& x) const {
+  grid_.list_conflicts(x.position, 0, ConflictRule::kMax, near_);
+  return std::any_of(near_.begin(), near_.end(), [&](Index id) { return id >= first && (!knows_surface() || holds(id, x)); });
+}
+
 /// Leaves the facets that a disk would reach in flooded_, ascending.
 void DiskSet::flood_from(const SurfacePoint& x, double radius) const {
   homes_ = flood_->homes(x);

@@ -34,6 +34,9 @@ class DiskSet {
   /// Some sample whose disk holds x, or kNone.
   Index covering_sample(const SurfacePoint& x) const;
 
+  /// Does the disk of a sample of this id or a greater one hold x?
+  bool is_covered_from(Index first, const SurfacePoint& x) const;
+
   /// Some sample that a disk would be too near to, kNone if there is none. By the max rule: one whose disk holds the new
   /// centre, or whose centre the new disk holds.
   Index conflicting_sample(const Sample& disk, ConflictRule rule) const;

@@ -412,7 +412,10 @@ GapFiller::Dart GapFiller::throw_darts_into(Index f, double weight, Rng& rng, Sa
     if (!radii_.one_density() && rng.uniform() * weight >= area * radii_.relative_density(sample.at)) return Dart::kThinned;
     const Index covers = disks_.covering_sample(sample.at);
     if (covers >= diagram_.num_sites()) return Dart::kTaken;
-    if (!is_free(sample.at, covers, polygon, dart + 1 == kGapDarts ? kSeparationSlack : 0.0)) continue;
+    const bool is_last = dart + 1 == kGapDarts;
+    // The sample found may be another one, that covers by rounding what is taken.
+    if (is_last && covers != kNone && disks_.is_covered_from(diagram_.num_sites(), sample.at)) return Dart::kTaken;
+    if (!is_free(sample.at, covers, polygon, is_last ? kSeparationSlack : 0.0)) continue;
     sample.radius = disks_.lowered_radius(sample.at, radii_.at(sample.at), radii_);
     return Dart::kStays;
   }

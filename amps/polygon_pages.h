@@ -43,7 +43,7 @@ class PackedBarycentric {
   /// Of coordinates in [0, 1] with sum 1, up to rounding. Sets `position`, too.
   static PackedBarycentric inside(const Vec3& barycentric, const Vec3 (&corner)[3], Vec3& position) {
     const std::int64_t second = rounded(barycentric[1]), third = std::min(rounded(barycentric[2]), kOne - second);
-    position = sum(kOne - second - third, second, third, corner);
+    position = sum(number(second), number(third), corner);
     return {second, third};
   }
 
@@ -52,17 +52,20 @@ class PackedBarycentric {
 
   /// Its position, the facet's corners given: exactly theirs at a corner, and on an edge the same bits in all facets there.
   Vec3 position(const Vec3 (&corner)[3]) const {
-    const std::int64_t b1 = second(), b2 = third(), b0 = kOne - b1 - b2;
-    if ((b0 == kOne) | (b1 == kOne) | (b2 == kOne)) return corner[b1 == kOne ? 1 : (b2 == kOne ? 2 : 0)];
+    const std::int64_t b1 = second(), b2 = third();
+    // A corner has no other bit than that of kOne; one of another coordinate is set, or none at all.
+    if (static_cast<std::uint64_t>(b1 | b2) - 1 >= static_cast<std::uint64_t>(kOne) - 1) {
+      return corner[b1 == kOne ? 1 : (b2 == kOne ? 2 : 0)];
+    }
     // 0.0 in place of −0.0, of which the corner beside an edge could make either.
-    const Vec3 x = sum(b0, b1, b2, corner);
+    const Vec3 x = sum(number(b1), number(b2), corner);
     return {x[0] + 0.0, x[1] + 0.0, x[2] + 0.0};
   }
 
  private:
   static double number(std::int64_t units) { return (1.0 / static_cast<double>(kOne)) * static_cast<double>(units); }
-  static Vec3 sum(std::int64_t first, std::int64_t second, std::int64_t third, const Vec3 (&corner)[3]) {
-    const double b0 = number(first), b1 = number(second), b2 = number(third);
+  static Vec3 sum(double b1, double b2, const Vec3 (&corner)[3]) {
+    const double b0 = 1 - b1 - b2;  // exact
     return {b0 * corner[0][0] + b1 * corner[1][0] + b2 * corner[2][0],
             b0 * corner[0][1] + b1 * corner[1][1] + b2 * corner[2][1],
             b0 * corner[0][2] + b1 * corner[1][2] + b2 * corner[2][2]};
@@ -84,14 +87,18 @@ class PackedBall {
   PackedBall() = default;
   /// Around at least one point. Beyond the range of floats the radius is infinite.
   PackedBall(const Vec3* points, std::size_t count) {
-    Vec3 low = points[0], high = points[0];
+    double low[3], high[3];
+    for (int a = 0; a < 3; ++a) low[a] = high[a] = points[0][a];
     for (std::size_t k = 1; k < count; ++k) {
-      low = low.cwiseMin(points[k]);
-      high = high.cwiseMax(points[k]);
+      for (int a = 0; a < 3; ++a) {
+        low[a] = std::min(low[a], points[k][a]);
+        high[a] = std::max(high[a], points[k][a]);
+      }
     }
     // No point is farther from `middle` than the half diagonal. The hundredth is for the rounding of the centre.
-    const Vec3 middle = 0.5 * (low + high);
-    const double half = 0.5 * 1.01 * std::sqrt(squared_norm(high - low));
+    const double middle[3] = {0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])};
+    const double dx = high[0] - low[0], dy = high[1] - low[1], dz = high[2] - low[2];
+    const double half = 0.5 * 1.01 * std::sqrt(dx * dx + dy * dy + dz * dz);
     const double size = std::max({std::fabs(middle[0]), std::fabs(middle[1]), std::fabs(middle[2]), half});
     if (!(size < 0x1p126)) {
       bits_ = kInfinite << kExponentAt;
