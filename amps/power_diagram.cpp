@@ -586,17 +586,6 @@ void RestrictedPowerDiagram::flood_facet(Index facet, Index owner, const PlaneTa
 
 // Fragment store
 
-RestrictedPowerDiagram::Polygon RestrictedPowerDiagram::polygon(Index f) const {
-  const Fragment& fragment = fragments_[slot(f)];
-  if (fragment.ball.note() == 0) return {fragment.facet, fragment.site, {}, nullptr, 0};
-  const Index first = first_of(fragment);
-  return {fragment.facet,
-          fragment.site,
-          {mesh_, fragment.facet, polygons_.corners(first)},
-          polygons_.labels(first),
-          size_of(fragment)};
-}
-
 /// Puts a fragment at the head of the list of its site.
 void RestrictedPowerDiagram::link_to_site(Index f) {
   Fragment& fragment = fragments_[slot(f)];

@@ -114,7 +114,16 @@ class RestrictedPowerDiagram {
   Index fragment_capacity() const { return static_cast<Index>(fragments_.size()); }
   Index num_fragments() const { return num_fragments_; }
   bool alive(Index f) const { return fragments_[static_cast<std::size_t>(f)].ball.note() != 0; }
-  AMPS_EXPORT Polygon polygon(Index f) const;
+  Polygon polygon(Index f) const {
+    const Fragment& fragment = fragments_[static_cast<std::size_t>(f)];
+    if (fragment.ball.note() == 0) return {fragment.facet, fragment.site, {}, nullptr, 0};
+    const Index first = first_of(fragment);
+    return {fragment.facet,
+            fragment.site,
+            {mesh_, fragment.facet, polygons_.corners(first)},
+            polygons_.labels(first),
+            size_of(fragment)};
+  }
 
   /// Is the facet divided among the sites that reach it, and not as the diagram of all sites is? Once it is, it stays so.
   bool local(Index facet) const { return !local_.empty() && local_[static_cast<std::size_t>(facet)] != kNone; }
