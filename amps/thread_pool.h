@@ -3,6 +3,7 @@
 
 #include "amps/base.h"
 
+#include <atomic>
 #include <condition_variable>
 #include <cstddef>
 #include <functional>
@@ -37,17 +38,19 @@ class ThreadPool {
  private:
   void start_threads(unsigned wanted);
   void wait_for_work();
+  bool none_running() const noexcept { return running_.load(std::memory_order_relaxed) == 0; }
 
   const unsigned max_workers_;
   const Starter starter_;
   std::vector<std::thread> threads_;
   bool refused_ = false;  // by the system: not asked again
 
-  std::mutex mutex_;  // of all below
+  std::mutex mutex_;  // of all below; threads that wait awake read the atomics without it
   std::condition_variable work_there_, work_done_;
   const std::function<void(unsigned)>* work_ = nullptr;
-  unsigned next_ = 0, count_ = 0;  // the numbers of the work that nobody has taken yet: [next_, count_)
-  unsigned running_ = 0;           // how many of the pool's threads are at work
+  unsigned next_ = 0, count_ = 0;           // the numbers of the work that nobody has taken yet: [next_, count_)
+  std::atomic<bool> something_new_{false};  // there is some, or the end has come
+  std::atomic<unsigned> running_{0};        // how many of the pool's threads are at work
   bool closing_ = false;
 };
 
