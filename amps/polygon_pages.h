@@ -250,11 +250,15 @@ class PolygonPages {
   const PackedBarycentric* corners(Index room) const { return pages_[slot(room >> kPageBits)].corners + (room & kPageMask); }
   const Index* labels(Index room) const { return pages_[slot(room >> kPageBits)].labels + (room & kPageMask); }
 
-  /// So many pages can be added without moving the list of them: others may read rooms meanwhile.
-  void reserve_pages(std::size_t more) {
+  /// The list of pages does not move from now on, so that others may read rooms while one allocates. So many can be added
+  /// meanwhile; allocate() throws Error(kTooLarge) beyond that.
+  void hold_list(std::size_t more) {
     const std::size_t wanted = pages_.size() + more;
     if (wanted > pages_.capacity()) pages_.reserve(wanted + wanted / 8);
+    list_is_held_ = true;
   }
+  /// It may move again.
+  void let_list_go() { list_is_held_ = false; }
 
   /// Corners that there is memory for.
   std::size_t capacity() const { return pages_.size() << kPageBits; }
@@ -298,6 +302,9 @@ class PolygonPages {
     if (pages_.size() + count > kMaxPages) {
       throw Error(ErrorCode::kTooLarge, "restricted power diagram: more than 2^31 corners of fragments; use fewer sites");
     }
+    if (list_is_held_ && pages_.size() + count > pages_.capacity()) {
+      throw Error(ErrorCode::kTooLarge, "restricted power diagram: edits of millions of corners at once; use more sites");
+    }
   }
 
   /// Pages one after another, for a room of this size; returns where they begin.
@@ -334,6 +341,7 @@ class PolygonPages {
   std::vector<Tail> tails_;   ///< of pages: not used yet
   Index next_ = 0, end_ = 0;  ///< the present one
   std::size_t unused_ = 0;
+  bool list_is_held_ = false;
 };
 
 }  // namespace amps::detail

@@ -630,7 +630,11 @@ void RestrictedPowerDiagram::store_polygon(Fragment& fragment, const detail::Pac
   const Index before = size_of(fragment);
   if (size != before) {
     std::unique_lock<std::mutex> lock;
-    if (edit.pages != nullptr) lock = std::unique_lock<std::mutex>(*edit.pages);
+    if (edit.pages != nullptr) {
+      lock = std::unique_lock<std::mutex>(*edit.pages);
+    } else {
+      polygons_.let_list_go();
+    }
     if (before != 0) {
       polygons_.release(fragment.room, room_for(before));
       fragment.ball.set_note(0);

@@ -28,8 +28,8 @@ namespace {
 
 /// Slots an edit has of its own: most need a fraction of them.
 constexpr std::size_t kSlotsHeld = 256;
-/// Pages it may open: for each slot, and for each of as many fragments of more corners than before, if the worst comes.
-constexpr std::size_t kPagesPerEdit = 2 * kSlotsHeld;
+/// Pages it may open on the average: half a million corners. Most open none.
+constexpr std::size_t kPagesPerEdit = 512;
 
 }  // namespace
 }  // namespace detail
@@ -59,7 +59,7 @@ void RestrictedPowerDiagram::begin_side_by_side(PendingEdits& edits) {
     edit.record_.pages = &edits.pages_;
     hold_slots(edit, detail::kSlotsHeld);
   }
-  polygons_.reserve_pages(edits.size() * detail::kPagesPerEdit);
+  polygons_.hold_list(edits.size() * detail::kPagesPerEdit);
 }
 
 void RestrictedPowerDiagram::hold_slots(PendingEdit& edit, std::size_t count) {
@@ -179,6 +179,7 @@ void RestrictedPowerDiagram::carry_out(PendingEdit& edit) {
 }
 
 void RestrictedPowerDiagram::join(PendingEdit& edit) {
+  polygons_.let_list_go();
   EditRecord& record = edit.record_;
   edit.is_late_ = edit.next_step_ < edit.num_steps_;
   for (std::size_t count = 2 * detail::kSlotsHeld; edit.next_step_ < edit.num_steps_; count *= 2) {
