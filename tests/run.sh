@@ -24,9 +24,10 @@ sh "$here/prepare.sh" libeigen3-dev libnanoflann-dev doctest-dev libcgal-dev cla
 # Apart from the others, since not every Debian-like system has a package of this name; its test is skipped without it.
 sh "$here/prepare.sh" chromium python3
 
-set -- -DAMPS_BUILD_TESTS=ON -DAMPS_BUILD_EXAMPLES=ON -DAMPS_INSTALL=ON
+set -- -DAMPS_BUILD_TESTS=ON -DAMPS_BUILD_EXAMPLES=ON -DAMPS_INSTALL=ON -DAMPS_TEST_PCH=ON
 if command -v ccache >/dev/null 2>&1; then
   set -- "$@" -DCMAKE_CXX_COMPILER_LAUNCHER=ccache
+  export CCACHE_SLOPPINESS=pch_defines,time_macros
 fi
 if [ -n "$sanitize" ]; then
   build=${build:-$source/build/sanitize}
