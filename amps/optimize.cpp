@@ -313,7 +313,7 @@ class Refiller {
     if (static_cast<Index>(removed.size()) + 1 >= num_samples()) return;
     SampleEdit edit(state_.samples, removed);
     edit.take_out();
-    for (int refill = 0; refill < kRefillsInPlace; ++refill) {
+    for (int refill = 0; refill < kRefillsInPlace && !is_cancelled(); ++refill) {
       ++state_.report.trials;
       ++state_.report.edits;
       ++edits_in_place_;
@@ -328,6 +328,9 @@ class Refiller {
     }
     edit.undo();
   }
+
+  /// Refills in place can take a tenth of a second each, beside sheets that crowd.
+  bool is_cancelled() const { return state_.options.execution.cancelled(); }
 
   /// False where edits in place have come to their end, which they do only while crossings are rated.
   bool affords_edits_in_place() const {
@@ -885,10 +888,11 @@ class Optimizer {
     EditSeries series;
     refiller_.record(&series);
     refiller_.refill_in_place(item, Refiller::Accept::kAny, more);
-    for (int round = 0; round < kRoundsAfterForcing && !(series.energy_change < -kMinGain); ++round) {
+    for (int round = 0; round < kRoundsAfterForcing && !(series.energy_change < -kMinGain) && !refiller_.is_cancelled();
+         ++round) {
       const std::size_t edits = series.changes.size();
       for (const BadItem& bad : bad_items_of(series)) {
-        if (!state_.is_current(bad)) continue;
+        if (!state_.is_current(bad) || refiller_.is_cancelled()) continue;
         const Proposal proposal = finder.find(bad, Rng(state_.rng.next()));
         state_.report.trials += proposal.trials;
         refiller_.carry_out(bad, proposal, refiller_.time());

@@ -130,7 +130,9 @@ void RestrictedPowerDiagram::remove_local_site(Index facet, Index s) {
   LocalSites& local = local_sites_[slot(local_[slot(facet)])];
   std::vector<Index>& sites = local.sites;
   if (local.tidy && sites.size() <= detail::kFewKeptTidy) {
-    sites.erase(std::lower_bound(sites.begin(), sites.end(), s));
+    const auto at = std::lower_bound(sites.begin(), sites.end(), s);
+    AMPS_ASSERT(at != sites.end() && *at == s);
+    sites.erase(at);
     return;
   }
   if (local.tidy) local.most = 2 * sites.size();
@@ -171,6 +173,11 @@ std::vector<Index> RestrictedPowerDiagram::find_sites_near(const std::vector<Ind
       return detail::ball_may_meet(place.corners.at, 3, place.normal, ball, place.error);
     });
   };
+  // Who owns a point in the triangulation may be a site that is on its way into the diagram.
+  for (Index v = num_sites() + kSentinels; v < triangulation_.num_vertices(); ++v) {
+    const bool is_visible = triangulation_.state(v) == RegularTriangulation::VertexState::kVisible;
+    if (is_visible && is_new(v) && meets(v - kSentinels)) sites.push_back(v - kSentinels);
+  }
   for (std::size_t k = 0; k < sites.size(); ++k) {
     triangulation_.incident_cells(sites[k] + kSentinels, star);
     for (const Index c : star) {
@@ -186,6 +193,7 @@ std::vector<Index> RestrictedPowerDiagram::find_sites_near(const std::vector<Ind
   }
   std::sort(sites.begin(), sites.end());
   sites.erase(std::lower_bound(sites.begin(), sites.end(), num_sites()), sites.end());  // those that are on their way
+  sites.erase(std::unique(sites.begin(), sites.end()), sites.end());  // an owner may be hidden by one of those
   return sites;
 }
 
