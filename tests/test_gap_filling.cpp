@@ -1,5 +1,6 @@
 #include "amps/gap_filling.h"
 
+#include "kit/data.h"
 #include "kit/maximality.h"
 #include "kit/meshes.h"
 #include "kit/random.h"
@@ -9,6 +10,7 @@
 #include "amps/remesh.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
+#include "amps/sizing.h"
 
 #include <doctest/doctest.h>
 
@@ -493,6 +495,26 @@ TEST_CASE("gap_filling: sets large enough for two stretches are maximal and have
       amps::verify_maximal(sheets, amps::sample(sheets, options).samples, {}, ConflictRule::kMax, amps::Neighborhood::kSurface);
   CHECK(certificate.maximal());
   CHECK(certificate.poisson_disk());
+}
+
+TEST_CASE("gap_filling: where parts overlap, facets that become local know their sites on any number of threads") {
+  const Mesh boxes = joined(amps::make_cube(6), scaled(amps::make_cube(5), 0.9, Vec3(0.05, 0.04, 0.03)));
+  const Mesh mesh = data_mesh_or("bones_26comps.off", boxes);
+  amps::RemeshOptions options;
+  options.sampling.sizing = amps::lfs_sizing(mesh).with_ratio().limited(0.1);
+  options.curves.creases = false;
+  options.optimize = false;
+  for (const std::uint64_t seed : {3u, 9u, 11u}) {
+    CAPTURE(seed);
+    options.sampling.target_count = static_cast<Index>(20 + 8 * seed);
+    options.sampling.seed = seed;
+    run_on(options.sampling, 1);
+    const amps::RemeshResult alone = amps::remesh(mesh, options);
+    run_on(options.sampling, 2);
+    const amps::RemeshResult together = amps::remesh(mesh, options);
+    CHECK(alone.report.maximality.maximal());
+    CHECK(same_set(alone.samples, together.samples));
+  }
 }
 
 }  // namespace amps_test
