@@ -174,14 +174,15 @@ class OneSidedMeasure {
     at_vertex_.resize(detail::slot(from_.num_vertices()));
     const std::vector<Index> order = detail::curve_order(from_.vertices, execution.part(0, 0.2));
     constexpr std::size_t kGrain = 1024;
-    detail::for_each_piece_on_all_threads(order.size(), kGrain, execution.part(0.2, 1), [&](std::size_t begin, std::size_t end) {
-      Index hint = kNone;
-      for (std::size_t i = begin; i < end; ++i) {
-        const SurfaceHit hit = tree_.nearest(from_.vertices[order[i]], hint);
-        hint = hit.point.facet;
-        at_vertex_[detail::slot(order[i])] = {Vec3::Zero(), hit.distance, hint};
-      }
-    });
+    detail::for_each_piece_on_all_threads(order.size(), kGrain, execution.part(0.2, 1),
+                                          [&](std::size_t begin, std::size_t end) {
+                                            Index hint = kNone;
+                                            for (std::size_t i = begin; i < end; ++i) {
+                                              const SurfaceHit hit = tree_.nearest(from_.vertices[order[i]], hint);
+                                              hint = hit.point.facet;
+                                              at_vertex_[detail::slot(order[i])] = {Vec3::Zero(), hit.distance, hint};
+                                            }
+                                          });
   }
 
   struct Sums {

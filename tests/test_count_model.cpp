@@ -69,8 +69,8 @@ TEST_CASE("count model: fragments of usual meshes and of needles are foreseen") 
   for (std::size_t k = 0; k < shapes.size(); ++k) {
     CAPTURE(k);
     const Shape& shape = shapes[k];
-    const amps::detail::ForeseenSize size =
-        amps::detail::foresee_size(shape.mesh, amps::total_area(shape.mesh), amps::detail::WantedRadii(shape.radius, ConflictRule::kMax), 1e6);
+    const amps::detail::ForeseenSize size = amps::detail::foresee_size(
+        shape.mesh, amps::total_area(shape.mesh), amps::detail::WantedRadii(shape.radius, ConflictRule::kMax), 1e6);
     const Counted is = counted(shape.mesh, amps::sample(shape.mesh, with_radius(shape.radius)).samples);
     CAPTURE(size.samples());
     CAPTURE(is.samples);
