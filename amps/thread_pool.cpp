@@ -9,8 +9,8 @@
 namespace amps::detail {
 namespace {
 
-/// A thread that has nothing to do stays awake for so long: to wake one takes 50 microseconds, and loops of a fraction of a
-/// millisecond follow each other within less (optimisation, gap filling). It lets others have the processor meanwhile.
+/// A thread that has nothing to do stays awake for so long: to wake one takes some 20 microseconds, and loops of a fraction of
+/// a millisecond follow each other within less (optimisation, gap filling). It lets others have the processor meanwhile.
 constexpr std::chrono::microseconds kTimeAwake{100};
 
 template <class Condition>
