@@ -84,3 +84,20 @@ class Pace {
   std::vector<Told> told_;
   std::size_t since_ = 0;
 };
+
+/// Stage, bar, percent, and rate and time left once `pace` knows them, in at most `columns`; without a bar where it has no
+/// room. `fraction` is what is done, in [0, 1].
+inline std::string bar_line(const char* stage, double fraction, Pace& pace, std::size_t columns) {
+  constexpr std::size_t kStage = 22, kNumbers = 33, kFrame = 3, kLeastBar = 8;
+  std::string line = format("%-22.22s", stage);
+  if (columns > kStage + kNumbers + kFrame + kLeastBar) {
+    const std::size_t width = columns - (kStage + kNumbers + kFrame);
+    const auto filled = static_cast<std::size_t>(fraction * static_cast<double>(width));
+    line += " [" + std::string(filled, '#') + std::string(width - filled, '.') + "]";
+  }
+  line += format(" %3d %%", static_cast<int>(100 * fraction));
+  const double rate = pace.rate();
+  if (rate > 0) line += format("  %5.3g %%/s  %s", 100 * rate, pace.time_left().c_str());
+  line.resize(std::min(line.size(), columns));
+  return line;
+}

@@ -81,7 +81,7 @@ class Watch {
 #endif
   static constexpr std::size_t kNumSignals = sizeof kSignals / sizeof kSignals[0];
   static constexpr double kSecondsBetween = 0.05;
-  static constexpr std::size_t kMostColumns = 100, kLeastBar = 8;
+  static constexpr std::size_t kMostColumns = 100;
 
   void clear() {
     if (drawn_) std::fprintf(stderr, "\r%*s\r", static_cast<int>(shown_), "");
@@ -89,30 +89,23 @@ class Watch {
     shown_ = 0;
   }
 
-  /// Stage, bar, percent, rate and time left, in one line of the terminal.
+  /// One line of the terminal, over the one before.
   void draw(const char* stage, double fraction) {
     if (drawn_ && last_.seconds() < kSecondsBetween) return;
     last_ = Stopwatch();
     drawn_ = true;
     fraction = std::clamp(fraction, 0.0, 1.0);
     pace_.tell(total_.seconds(), fraction);
-    const double rate = pace_.rate();
-    std::string numbers = format(" %3d %%", static_cast<int>(100 * fraction));
-    if (rate > 0) numbers += format("  %5.3g %%/s  %s", 100 * rate, pace_.time_left().c_str());
     // The last column stays free: a terminal that is full goes to the next line.
     const std::size_t columns = std::min(terminal_columns(), kMostColumns) - 1;
-    constexpr std::size_t kStage = 22, kNumbers = 33, kFrame = 3;
-    const std::size_t taken = kStage + kNumbers + kFrame;
-    const std::size_t width = columns > taken + kLeastBar ? columns - taken : 0;
-    const auto filled = static_cast<std::size_t>(fraction * static_cast<double>(width));
-    std::string line = format("%-22.22s", stage);
-    const std::size_t bar_at = line.size() + 2;
-    if (width > 0) line += " [" + std::string(filled, '#') + std::string(width - filled, '.') + "]";
-    line += numbers;
-    line.resize(std::min(line.size(), columns));
+    std::string line = bar_line(stage, fraction, pace_, columns);
     line.resize(std::max(line.size(), std::min(shown_, columns)), ' ');  // over what was there
     shown_ = line.size();
-    if (width > 0) line.replace(bar_at, filled, in_colour(kBarColour, std::string(filled, '#')));
+    const std::size_t done = line.find('#');
+    if (done != std::string::npos) {
+      const std::size_t length = line.find_first_not_of('#', done) - done;
+      line.replace(done, length, in_colour(kBarColour, line.substr(done, length)));
+    }
     std::fprintf(stderr, "\r%s", line.c_str());
   }
 

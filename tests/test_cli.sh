@@ -493,7 +493,8 @@ if script --version 2>log/which | grep -q util-linux && terminal log/typescript 
   TERM=xterm terminal log/colours "unset NO_COLOR; $work" || fail "amps in a terminal returns $?"
   TERM=xterm terminal log/plain "NO_COLOR=1 $work" || fail "amps in a terminal returns $?"
   TERM=dumb terminal log/dumb "unset NO_COLOR; $work --quiet" || fail "amps in a terminal returns $?"
-  grep -q '\[#*\.*\]  *[0-9]* %  *[0-9.]* %/s  [0-9]*:[0-9][0-9] left' log/plain || fail "no rate or time left: $(tr '\r' '\n' <log/plain | head -n 30)"
+  # Rate and time left come after a second of work, which this may not take: test_terminal.cpp has them.
+  grep -q '\[#*\.*\]  *[0-9]* %' log/plain || fail "no bar in a terminal: $(tr '\r' '\n' <log/plain | head -n 30)"
   escape=$(printf '\033')
   grep -q "$escape" log/colours || fail "no colours in a terminal"
   grep -q "$escape" log/plain && fail "colours with NO_COLOR"
