@@ -5,16 +5,18 @@
 //   samples    vertices of the result
 //   of_cgal    time over the least that CGAL took for as many
 //   peak_MiB   memory at most, beside what was there before
-//   cpu        processor time over wall-clock time
 //   s_…        seconds of a stage, of the last iteration
-//   serial_…   with several threads: what of a stage one thread did alone, in seconds, if all else was shared evenly
-//   s_at_16    what 16 threads would take by that
-// Processor time tells of threads only where no other program wants the cores.
+// and in the rows "foreseen", which take what a thread alone does for what each of 16 would (loop_times.h):
+//   s_at_16    what 16 threads would take, of all and (at16_…) of a stage
+//   work_…     seconds of a stage on one thread, with the ways that the code takes on 16
+//   alone_…    of these, outside of loops
+//   longest_…  the longest stretch that one thread does alone: outside of loops, or a piece of one
 #include "amps/remesh.h"
 #include "amps/sampling.h"
 #include "amps/shapes.h"
 #include "amps/sizing.h"
 #include "../kit/data.h"
+#include "loop_times.h"
 #include "peak_memory.h"
 
 #include <benchmark/benchmark.h>
@@ -27,7 +29,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <map>
 #include <string>
 #include <vector>
@@ -56,13 +57,9 @@ const amps::Mesh& whole_mesh() {
   return mesh;
 }
 
-/// Wall-clock and processor time by stage, as progress tells where one begins.
+/// Seconds by stage, as progress tells where one begins.
 class StageTimes {
  public:
-  struct Times {
-    double wall = 0, cpu = 0;
-  };
-
   amps::Progress progress() {
     return amps::Progress([this](const char* stage, double) {
       begin(stage);
@@ -73,33 +70,22 @@ class StageTimes {
     times_.clear();
     stage_ = "first";
     watch_.lap();
-    cpu_ = cpu_now();
   }
-  const std::map<std::string, Times>& finish() {
+  const std::map<std::string, double>& finish() {
     begin("");
     return times_;
-  }
-  static double cpu_now() {
-    timespec now{};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
   }
 
  private:
   void begin(const char* stage) {
     if (stage == nullptr || stage_ == stage) return;
-    Times& of_stage = times_[stage_];
-    of_stage.wall += watch_.lap();
-    const double now = cpu_now();
-    of_stage.cpu += now - cpu_;
-    cpu_ = now;
+    times_[stage_] += watch_.lap();
     stage_ = stage;
   }
 
-  std::map<std::string, Times> times_;
+  std::map<std::string, double> times_;
   std::string stage_;
   amps::detail::Stopwatch watch_;
-  double cpu_ = 0;
 };
 
 /// "throwing darts" as "throwing_darts".
@@ -133,7 +119,7 @@ void whole_amps(benchmark::State& state) {
   const auto threads = static_cast<unsigned>(state.range(1));
   whole_mesh();
   StageTimes stages;
-  std::map<std::string, StageTimes::Times> times;
+  std::map<std::string, double> times;
   amps::Index samples = 0;
   double memory = 0, least = 0;
   for (auto iteration : state) {
@@ -153,20 +139,39 @@ void whole_amps(benchmark::State& state) {
   state.counters["peak_MiB"] = memory / (1 << 20);
   const auto cgal = seconds_of_cgal().find(c.samples);
   if (cgal != seconds_of_cgal().end() && c.what != Whole::kSample) state.counters["of_cgal"] = least / cgal->second;
-  double wall = 0, cpu = 0, at_16 = 0;
-  for (const auto& [stage, of_stage] : times) {
-    wall += of_stage.wall;
-    cpu += of_stage.cpu;
-    state.counters["s_" + key_of(stage)] = of_stage.wall;
-    if (threads == 1) continue;
-    // wall = serial + shared/threads, cpu = serial + shared.
-    const double shared = std::min(std::max(0.0, (of_stage.cpu - of_stage.wall) * threads / (threads - 1)), of_stage.cpu);
-    state.counters["serial_" + key_of(stage)] = of_stage.cpu - shared;
-    at_16 += of_stage.cpu - shared + shared / 16;
-  }
-  state.counters["cpu"] = cpu / wall;
-  if (threads > 1) state.counters["s_at_16"] = at_16;
+  for (const auto& [stage, seconds] : times) state.counters["s_" + key_of(stage)] = seconds;
 }
+
+#ifdef AMPS_BENCH_PARALLEL_FOR
+/// range(0): the case; range(1): threads that are foreseen.
+void whole_foreseen(benchmark::State& state) {
+  const WholeCase& c = kWholeCases[static_cast<std::size_t>(state.range(0))];
+  const auto threads = static_cast<unsigned>(state.range(1));
+  whole_mesh();
+  std::map<std::string, amps_bench::LoopTimes::Stage> stages;
+  for (auto iteration : state) {
+    static_cast<void>(iteration);
+    amps_bench::InOrder executor(threads);
+    amps_bench::LoopTimes times(threads);
+    run_whole(c, amps::Execution(1, times.progress(), &executor));
+    stages = times.stages();
+    double all = 0;
+    for (const auto& [name, stage] : stages) all += stage.foreseen;
+    state.SetIterationTime(all);
+  }
+  state.SetLabel(std::string(c.name) + ", foreseen, threads: " + std::to_string(threads));
+  double all = 0;
+  for (const auto& [name, stage] : stages) {
+    const std::string key = key_of(name);
+    state.counters["work_" + key] = stage.alone + stage.shared;
+    state.counters["alone_" + key] = stage.alone;
+    state.counters["longest_" + key] = stage.longest;
+    state.counters["at" + std::to_string(threads) + "_" + key] = stage.foreseen;
+    all += stage.foreseen;
+  }
+  state.counters["s_at_" + std::to_string(threads)] = all;
+}
+#endif
 
 #ifdef AMPS_BENCH_CGAL
 using WholeKernel = CGAL::Exact_predicates_inexact_constructions_kernel;
@@ -224,5 +229,12 @@ BENCHMARK(whole_cgal)->Arg(12'000)->Arg(100'000)->UseManualTime()->Iterations(1)
 #endif
 
 BENCHMARK(whole_amps)->ArgsProduct({{0, 1, 2, 3, 4, 5}, {1, 2}})->UseManualTime()->Iterations(1)->Unit(benchmark::kMillisecond);
+#ifdef AMPS_BENCH_PARALLEL_FOR
+BENCHMARK(whole_foreseen)
+    ->ArgsProduct({{0, 1, 2, 3, 4, 5}, {16}})
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
+#endif
 
 }  // namespace
