@@ -231,7 +231,7 @@ BENCHMARK(whole_cgal)->Arg(12'000)->Arg(100'000)->UseManualTime()->Iterations(1)
 BENCHMARK(whole_amps)->ArgsProduct({{0, 1, 2, 3, 4, 5}, {1, 2}})->UseManualTime()->Iterations(1)->Unit(benchmark::kMillisecond);
 #ifdef AMPS_BENCH_PARALLEL_FOR
 BENCHMARK(whole_foreseen)
-    ->ArgsProduct({{0, 1, 2, 3, 4, 5}, {16}})
+    ->ArgsProduct({{0, 1, 2, 3, 4, 5}, {2, 4, 8, 16}})
     ->UseManualTime()
     ->Iterations(1)
     ->Unit(benchmark::kMillisecond);
