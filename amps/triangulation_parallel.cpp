@@ -5,7 +5,8 @@
 // again with other parts, and what is left then goes in sequentially. The triangulation being unique, its cells are the
 // sequential ones. Where we differ: parts are not intervals of a space-filling curve but boxes, cut across other axes in each
 // pass. Of points on a surface cells reach through all of the inside. A plane meets few of them, and only those that meet all
-// planes are left: of two threads a hundredth of the points, where the curve, whose cuts share faces, leaves a quarter.
+// planes are left: of two threads a hundredth of the points, where the curve, whose cuts share faces, leaves a quarter. Sixteen
+// boxes have so many planes that most cells meet some; so where much is left, the next pass has half as many.
 //
 // Why there is no race. A thread deletes, creates and marks only cells all of whose vertices it owns (the infinite vertex
 // counts as everybody's). Cells with vertices of several owners are nobody's: in this pass they stay, and of their neighbour
@@ -33,8 +34,8 @@ namespace {
 /// Cells set aside for a thread at a time.
 constexpr Index kCellChunk = 4096;
 
-/// One pass for each axis to be cut first.
-constexpr std::size_t kNumPasses = 3;
+/// Of passes with two workers: one for each axis to be cut first. What is left then meets planes across all of them.
+constexpr int kPassesOfTwo = 3;
 
 /// Numbers of workers are bytes.
 constexpr unsigned kMaxWorkers = 256;
@@ -310,9 +311,11 @@ void RegularTriangulation::run_pass(ParallelPass& pass, std::vector<ParallelWork
 /// Inserts some of the vertices before `end`, in ascending order, into a triangulation that has cells all over. Those that are
 /// left over stay in `left`. False if that is not worth several threads. Vertices and ranks are the same here.
 bool RegularTriangulation::insert_in_parallel(std::vector<Index>& left, Index end, const Execution& execution) {
-  constexpr std::size_t kLeastPerThread = 2000;                           // below, too much of a region is border
-  constexpr std::array<double, detail::kNumPasses> kUntil{0.8, 0.95, 1};  // of the time
-  constexpr std::size_t kCellsPerPoint = 8;                               // a little more than there will be
+  constexpr std::size_t kLeastPerThread = 2000;  // below, too much of a region is border
+  constexpr std::size_t kLeastPerPass = 1000;    // below, threads cost more than they bring
+  constexpr std::size_t kMuchLeft = 4;           // of so many one
+  constexpr double kShareOfPass = 0.7;           // of the time of all that are to come, roughly
+  constexpr std::size_t kCellsPerPoint = 8;      // a little more than there will be
   const std::size_t num_workers =
       std::min<std::size_t>(std::min(execution.workers(), detail::kMaxWorkers), left.size() / kLeastPerThread);
   if (num_workers < 2) return false;
@@ -324,19 +327,31 @@ bool RegularTriangulation::insert_in_parallel(std::vector<Index>& left, Index en
   ParallelPass pass{detail::axes_by_extent(some_positions(left)), {}, {cells_before}, static_cast<Index>(room)};
   std::vector<ParallelWorker> workers;
   for (std::size_t k = 0; k < num_workers; ++k) workers.emplace_back(*this, pass, k);
-  double from = 0;
-  for (std::size_t number = 0; number < detail::kNumPasses && !left.empty(); ++number) {
-    choose_owners(pass, num_workers, end, left, execution);
+  const auto give_back_cells = [this](Workspace& work) {
+    for (; work.next_cell < work.end_cell; ++work.next_cell) work.free_cells.push_back(work.next_cell);
+    if (&work != &work_) work_.free_cells.insert(work_.free_cells.end(), work.free_cells.begin(), work.free_cells.end());
+  };
+  double done = 0;
+  for (int passes_of_two = 0; passes_of_two < detail::kPassesOfTwo;) {
+    choose_owners(pass, workers.size(), end, left, execution);
     std::rotate(pass.axes.begin(), pass.axes.begin() + 1, pass.axes.end());
-    run_pass(pass, workers, left, execution.part(from, kUntil[number]));
-    from = kUntil[number];
+    const std::size_t tried = left.size();
+    const double until = done + kShareOfPass * (1 - done);
+    run_pass(pass, workers, left, execution.part(done, until));
+    done = until;
+    if (left.size() < kLeastPerPass) break;
+    if (workers.size() == 2) {
+      ++passes_of_two;
+    } else if (left.size() > tried / kMuchLeft) {
+      for (const std::size_t half = workers.size() / 2; workers.size() > std::max<std::size_t>(half, 2);) {
+        give_back_cells(workers.back().work());
+        workers.pop_back();
+      }
+    }
   }
+  for (ParallelWorker& worker : workers) give_back_cells(worker.work());
+  give_back_cells(work_);
 
-  for (std::size_t k = 0; k <= num_workers; ++k) {
-    Workspace& work = k < num_workers ? workers[k].work() : work_;
-    for (; work.next_cell < work.end_cell; ++work.next_cell) work_.free_cells.push_back(work.next_cell);
-    if (k < num_workers) work_.free_cells.insert(work_.free_cells.end(), work.free_cells.begin(), work.free_cells.end());
-  }
   if (cells_.size() == room) {
     cells_.resize(slot(pass.next_chunk));
     mark_.resize(cells_.size());
