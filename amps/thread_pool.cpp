@@ -13,6 +13,12 @@ namespace {
 /// a millisecond follow each other within less (optimisation, gap filling). It lets others have the processor meanwhile.
 constexpr std::chrono::microseconds kTimeAwake{100};
 
+/// Where there are more threads than processors, those that wait awake would only be in the way of those that work.
+bool has_a_processor_each(unsigned num_threads) {
+  const unsigned processors = std::thread::hardware_concurrency();  // 0: not known
+  return processors == 0 || num_threads <= processors;
+}
+
 template <class Condition>
 void wait_awake(const Condition& holds) {
   if (holds()) return;
@@ -25,7 +31,7 @@ void wait_awake(const Condition& holds) {
 }  // namespace
 
 ThreadPool::ThreadPool(unsigned max_workers, Starter starter)
-    : max_workers_(std::max(1u, max_workers)), starter_(std::move(starter)) {}
+    : max_workers_(std::max(1u, max_workers)), starter_(std::move(starter)), stay_awake_(has_a_processor_each(max_workers_)) {}
 
 ThreadPool::~ThreadPool() {
   {
@@ -71,15 +77,17 @@ void ThreadPool::run(unsigned count, const std::function<void(unsigned)>& work) 
     lock.lock();
   }
   if (none_running()) return;
-  lock.unlock();
-  wait_awake([this] { return none_running(); });
-  lock.lock();
+  if (stay_awake_) {
+    lock.unlock();
+    wait_awake([this] { return none_running(); });
+    lock.lock();
+  }
   work_done_.wait(lock, [this] { return none_running(); });
 }
 
 void ThreadPool::wait_for_work() {
   for (;;) {
-    wait_awake([this] { return something_new_.load(std::memory_order_relaxed); });
+    if (stay_awake_) wait_awake([this] { return something_new_.load(std::memory_order_relaxed); });
     std::unique_lock<std::mutex> lock(mutex_);
     work_there_.wait(lock, [this] { return closing_ || next_ < count_; });
     if (closing_) return;

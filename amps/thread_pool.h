@@ -42,6 +42,7 @@ class ThreadPool {
 
   const unsigned max_workers_;
   const Starter starter_;
+  const bool stay_awake_;  // for a moment, when there is nothing to do
   std::vector<std::thread> threads_;
   bool refused_ = false;  // by the system: not asked again
 
