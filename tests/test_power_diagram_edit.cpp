@@ -387,7 +387,7 @@ TEST_CASE("power_diagram: edits that cannot be say why and change nothing") {
   CHECK(broken_law(mesh, diagram) == "");
 }
 
-TEST_CASE("power_diagram: fragments of a thousand corners are kept as others are") {
+TEST_CASE("power_diagram: fragments of a thousand corners are kept as others are" * doctest::test_suite("slow")) {
   // Their numbers no longer fit into the records from 1023 on. One cell has a corner for each site of a circle around it.
   const Mesh mesh = one_triangle({-10, -9, 0}, {12, -9, 0}, {0, 11, 0});
   WeightedPoints list = {{0, 0, 0, 0}};

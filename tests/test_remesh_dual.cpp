@@ -355,7 +355,7 @@ TEST_CASE("dual: a tetrahedron of few thousand samples comes out closed and mani
   }
 }
 
-TEST_CASE("dual: no boundary opens after optimisation, nor with radii that vary") {
+TEST_CASE("dual: no boundary opens after optimisation, nor with radii that vary" * doctest::test_suite("slow")) {
   for (const NamedMesh& model : closed_surfaces()) {
     const std::string& name = model.name;
     const Mesh& mesh = model.mesh;

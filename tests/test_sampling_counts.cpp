@@ -285,14 +285,14 @@ std::size_t num_common(const SampleSet& a, const SampleSet& b) {
 
 }  // namespace
 
-TEST_CASE("sampling counts: as many samples as darts thrown plainly make, whatever the triangulation") {
+TEST_CASE("sampling counts: as many samples as darts thrown plainly make, whatever the triangulation" * doctest::test_suite("slow")) {
   // Noise of the difference: 0.06 %.
   const LinearRadii radii{0.03, 0};
   const SetsSeen plain = thrown_plainly(radii, kSets);
   for (const NamedMesh& input : squares()) check_agreement(input, sampled(input.mesh, radii, kSets), plain);
 }
 
-TEST_CASE("sampling counts: where radii vary, too, and as many disks are lowered") {
+TEST_CASE("sampling counts: where radii vary, too, and as many disks are lowered" * doctest::test_suite("slow")) {
   const LinearRadii radii{0.01, 0.1};
   const SetsSeen plain = thrown_plainly(radii, kSets);
   CHECK(plain.lowered.mean() > 5);
