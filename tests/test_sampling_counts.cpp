@@ -285,7 +285,8 @@ std::size_t num_common(const SampleSet& a, const SampleSet& b) {
 
 }  // namespace
 
-TEST_CASE("sampling counts: as many samples as darts thrown plainly make, whatever the triangulation" * doctest::test_suite("slow")) {
+TEST_CASE("sampling counts: as many samples as darts thrown plainly make, whatever the triangulation" *
+          doctest::test_suite("slow")) {
   // Noise of the difference: 0.06 %.
   const LinearRadii radii{0.03, 0};
   const SetsSeen plain = thrown_plainly(radii, kSets);
