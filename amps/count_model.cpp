@@ -1,8 +1,6 @@
 #define AMPS_OWN_SOURCE
 #include "amps/count_model.h"
 
-#include "amps/mesh_edges.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -55,25 +53,27 @@ struct MeasuredLengths {
   double components = 0;  ///< the sum of these extents
 };
 
-/// `merged`: facets that count.
-void measure_components(const MeshView& merged, const std::vector<char>& counted, MeasuredLengths& lengths,
-                        const Execution& execution) {
-  Ticker ticker(execution, 2 * counted.size(), kElementsPerLook);
-  const auto n = slot(merged.num_vertices());
+/// `triangles`: by surface vertices. Empty flags: all count.
+void measure_components(const MeshView& mesh, const Triangles& triangles, const std::vector<char>& counted,
+                        MeasuredLengths& lengths, const Execution& execution) {
+  const Index num_facets = mesh.num_facets();
+  Ticker ticker(execution, 2 * slot(num_facets), kElementsPerLook);
+  const auto n = slot(mesh.num_vertices());
+  const auto counts = [&counted](Index f) { return counted.empty() || counted[slot(f)] != 0; };
   UnionFind sets(n);
-  for (Index f = 0; f < static_cast<Index>(counted.size()); ++f) {
+  for (Index f = 0; f < num_facets; ++f) {
     ticker.tick();
-    if (counted[slot(f)] == 0) continue;
-    for (int k = 1; k < 3; ++k) sets.join(slot(merged.triangles(f, 0)), slot(merged.triangles(f, k)));
+    if (!counts(f)) continue;
+    for (int k = 1; k < 3; ++k) sets.join(slot(triangles(f, 0)), slot(triangles(f, k)));
   }
   std::vector<Box> boxes(n);
   std::vector<char> used(n, 0);
-  for (Index f = 0; f < static_cast<Index>(counted.size()); ++f) {
+  for (Index f = 0; f < num_facets; ++f) {
     ticker.tick();
-    if (counted[slot(f)] == 0) continue;
-    const std::size_t set = sets.find(slot(merged.triangles(f, 0)));
+    if (!counts(f)) continue;
+    const std::size_t set = sets.find(slot(triangles(f, 0)));
     for (int k = 0; k < 3; ++k) {
-      const Vec3 x = merged.corner(f, k);
+      const Vec3 x = mesh.corner(f, k);
       boxes[set].min = used[set] != 0 ? boxes[set].min.cwiseMin(x).eval() : x;
       boxes[set].max = used[set] != 0 ? boxes[set].max.cwiseMax(x).eval() : x;
       used[set] = 1;
@@ -87,12 +87,9 @@ void measure_components(const MeshView& merged, const std::vector<char>& counted
   }
 }
 
-MeasuredLengths measure_lengths(const MeshView& mesh, const SizingField& field, const Execution& execution) {
-  const Mesh merged = merge_equal_vertices(mesh, execution.part(0, 0.3));  // soups have no boundary but the surface's
-  std::vector<char> counted(slot(mesh.num_facets()), 1);  // a sheet that is there twice has the boundary of one
-  for (const Index f : find_repeated_facets(mesh, execution.part(0.3, 0.4))) counted[slot(f)] = 0;
-  const MeshEdges edges(merged.triangles, static_cast<Index>(merged.vertices.rows()), counted, execution.part(0.4, 0.8));
-  Ticker ticker(execution.part(0.8, 0.9), edges.size(), kElementsPerLook);
+MeasuredLengths measure_lengths(const MeshView& mesh, const SurfaceEdges& edges, const SizingField& field,
+                                const Execution& execution) {
+  Ticker ticker(execution.part(0, 0.4), edges.size(), kElementsPerLook);
   MeasuredLengths lengths;
   for (std::size_t e = 0; e < edges.size(); ++e) {
     ticker.tick();
@@ -108,7 +105,7 @@ MeasuredLengths measure_lengths(const MeshView& mesh, const SizingField& field, 
     const double length = detail::norm(mesh.corner(side.facet, side.k) - mesh.corner(side.facet, next));
     lengths.boundary += length / 6 * (inverse_radius(0) + 4 * inverse_radius(0.5) + inverse_radius(1));
   }
-  measure_components(merged, counted, lengths, execution.part(0.9, 1));
+  measure_components(mesh, edges.triangles(), edges.counted(), lengths, execution.part(0.4, 1));
   if (!field.empty()) {
     lengths.longest /= field.max_radius();
     lengths.components /= field.max_radius();
@@ -139,8 +136,7 @@ ForeseenSize foresee_size(const MeshView& mesh, double area, const WantedRadii& 
   // The extent of a component is at most half of the perimeters of its facets.
   if (kSamplesPerLength * perimeters / 2 < most_samples) return size;
   MeasuredLengths lengths;
-  const std::vector<char> all(slot(mesh.num_facets()), 1);
-  measure_components(merge_equal_vertices(mesh), all, lengths, {});
+  measure_components(mesh, merge_equal_vertices(mesh).triangles, {}, lengths, {});
   const Box box = bounding_box(mesh);
   double room = 1;  // no two samples in a voxel of diagonal r
   for (int axis = 0; axis < 3; ++axis) room *= 1 + std::sqrt(3.0) * (box.max[axis] - box.min[axis]) / max;
@@ -148,9 +144,10 @@ ForeseenSize foresee_size(const MeshView& mesh, double area, const WantedRadii& 
   return size;
 }
 
-CountModel::CountModel(const MeshView& mesh, double area, const SizingField& field, Index target, const Execution& execution)
+CountModel::CountModel(const MeshView& mesh, const SurfaceEdges& edges, double area, const SizingField& field, Index target,
+                       const Execution& execution)
     : target_(target), inner_(kSamplesPerDensity * (field.empty() ? area : field.density_integral())) {
-  const MeasuredLengths lengths = measure_lengths(mesh, field, execution.part(0, 0.5));
+  const MeasuredLengths lengths = measure_lengths(mesh, edges, field, execution.part(0, 0.5));
   border_ = std::min(kSamplesPerBoundary * lengths.boundary, kMaxPartAtBoundary * std::sqrt(target_ * inner_));
   if (!field.empty()) border_ -= kLostToGradient * kSamplesPerDensity * gradient_integral(mesh, field, execution.part(0.5, 1));
   const double least_scale = lengths.longest / (2 * target_);

@@ -4,6 +4,7 @@
 #include "amps/base.h"
 #include "amps/execution.h"
 #include "amps/mesh.h"
+#include "amps/mesh_edges.h"
 #include "amps/sizing.h"
 #include "amps/wanted_radii.h"
 
@@ -38,9 +39,10 @@ class CountModel {
   /// For a field, or radius 1 everywhere if it is empty. target ≥ 1. O(#V + #F + #pieces). Cancelled, it throws
   /// Error(kCancelled).
   CountModel(const MeshView& mesh, const SizingField& field, Index target, const Execution& execution = {})
-      : CountModel(mesh, field.empty() ? total_area(mesh) : 0, field, target, execution) {}
-  /// The same on a surface whose area is known; with a field it does not matter.
-  CountModel(const MeshView& mesh, double area, const SizingField& field, Index target, const Execution& execution = {});
+      : CountModel(mesh, SurfaceEdges(mesh, execution), field.empty() ? total_area(mesh) : 0, field, target, execution) {}
+  /// The same on a surface whose edges and area are known; with a field the area does not matter.
+  CountModel(const MeshView& mesh, const SurfaceEdges& edges, double area, const SizingField& field, Index target,
+             const Execution& execution = {});
 
   /// The factor on the radii that makes the wanted number.
   double scale() const;

@@ -249,22 +249,29 @@ Index find_wild_vertex(const MeshView& mesh, const Execution& execution) {
 }
 
 std::vector<double> facet_areas(const MeshView& mesh, const Execution& execution) {
-  require_indices(mesh);
-  const Execution run = execution.start("measuring areas");
-  std::vector<double> areas(static_cast<std::size_t>(mesh.num_facets()));
-  detail::for_each_index_on_all_threads(areas.size(), run.part(0, 0.6),
-                                        [&](std::size_t f) { areas[f] = facet_area(mesh, static_cast<Index>(f)); });
-  for (const Index f : detail::find_repeated_facets(mesh, run.part(0.6, 1))) areas[static_cast<std::size_t>(f)] = 0;
-  run.finish();
-  return areas;
+  return detail::FacetAreas(mesh, execution).of_facets;
 }
 
 double total_area(const MeshView& mesh, const Execution& execution) { return detail::FacetAreas(mesh, execution).total; }
 
-detail::FacetAreas::FacetAreas(const MeshView& mesh, const Execution& execution) : of_facets(facet_areas(mesh, execution)) {
+detail::FacetAreas::FacetAreas(const MeshView& mesh, const Execution& execution) {
+  require_indices(mesh);
+  const Execution run = execution.start("measuring areas");
+  *this = FacetAreas(mesh, find_repeated_facets(mesh, run.part(0, 0.4)), run.part(0.4, 1));
+  run.finish();
+}
+
+detail::FacetAreas::FacetAreas(const MeshView& mesh, const std::vector<Index>& repeated_facets, const Execution& execution)
+    : of_facets(static_cast<std::size_t>(mesh.num_facets())) {
+  require_indices(mesh);
+  const Execution run = execution.start("measuring areas");
+  for_each_index_on_all_threads(of_facets.size(), run,
+                                [&](std::size_t f) { of_facets[f] = facet_area(mesh, static_cast<Index>(f)); });
+  for (const Index f : repeated_facets) of_facets[static_cast<std::size_t>(f)] = 0;
   CompensatedSum sum;
   for (const double area : of_facets) sum.add(area);
   total = sum.value();
+  run.finish();
 }
 
 Points facet_normals(const MeshView& mesh, const Execution& execution) {
@@ -290,8 +297,9 @@ Box bounding_box(const MeshView& mesh, const Execution& execution) {
   const Execution run = execution.start("measuring the box");
   Box box;
   bool started = false;
-  for_each_watched(mesh.num_facets(), run, [&](Index f) {
-    for (int k = 0; k < 3; ++k) grow_box(box, started, mesh.corner(f, k));
+  const std::vector<char> used = used_vertices(mesh, run.part(0, 0.6));  // each is read once
+  for_each_watched(mesh.num_vertices(), run.part(0.6, 1), [&](Index v) {
+    if (used[static_cast<std::size_t>(v)] != 0) grow_box(box, started, mesh.vertices[v]);
   });
   run.finish();
   return box;

@@ -78,6 +78,8 @@ struct FacetAreas {
 
   FacetAreas() = default;
   explicit FacetAreas(const MeshView& mesh, const Execution& execution = {});
+  /// Where it is known which facets are there already.
+  FacetAreas(const MeshView& mesh, const std::vector<Index>& repeated_facets, const Execution& execution = {});
 };
 
 }  // namespace detail

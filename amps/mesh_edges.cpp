@@ -2,6 +2,7 @@
 #include "amps/mesh_edges.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <limits>
 #include <numeric>
@@ -234,29 +235,53 @@ bool has_corners_of(const MeshView& mesh, Index facet, Index other) {
 }  // namespace
 
 std::vector<Index> find_repeated_facets(const MeshView& mesh, const Execution& run) {
+  // Hardly any facet is there twice, so what could be is sifted out first, by a bit for each hash that has come up, and one for
+  // each that has again: of others 1 in 16 is left for the table, which needs more memory than is near.
+  constexpr std::size_t kBitsPerFacet = 16, kBitsPerWord = 64;
   const Index num_vertices = mesh.num_vertices(), num_facets = mesh.num_facets();
   std::vector<std::uint64_t> vertex_hash(slot(num_vertices)), facet_hash(slot(num_facets));
-  Ticker ticker(run, slot(num_vertices) + slot(num_facets), kEdgesPerLook);
+  Ticker ticker(run, slot(num_vertices) + 2 * slot(num_facets), kEdgesPerLook);
   for (Index v = 0; v < num_vertices; ++v) {
     ticker.tick();
     vertex_hash[slot(v)] = position_hash(mesh.vertices[v]);
   }
+  std::size_t num_words = 1;
+  while (num_words * kBitsPerWord < kBitsPerFacet * facet_hash.size()) num_words *= 2;
+  std::vector<std::uint64_t> seen, seen_again;
+  resize_watched(seen, num_words, std::uint64_t{0}, run);
+  resize_watched(seen_again, num_words, std::uint64_t{0}, run);
+  const auto word_of = [num_words](std::uint64_t hash) { return (hash >> 32) & (num_words - 1); };
+  const auto bit_of = [](std::uint64_t hash) { return std::uint64_t{1} << (hash >> (64 - 6)); };
+  const auto has_vertices = [&mesh, num_vertices](Index f) {
+    const std::array<Index, 3> v{mesh.triangles(f, 0), mesh.triangles(f, 1), mesh.triangles(f, 2)};
+    return std::all_of(v.begin(), v.end(), [num_vertices](Index i) { return i >= 0 && i < num_vertices; });
+  };
+  for (Index f = 0; f < num_facets; ++f) {
+    ticker.tick();
+    if (!has_vertices(f)) continue;
+    std::uint64_t hash = 0;  // a sum: of no order
+    for (int k = 0; k < 3; ++k) hash += vertex_hash[slot(mesh.triangles(f, k))];
+    facet_hash[slot(f)] = hash *= kHashFactor;
+    std::uint64_t& word = seen[word_of(hash)];
+    seen_again[word_of(hash)] |= word & bit_of(hash);
+    word |= bit_of(hash);
+  }
+  std::vector<Index> sifted;
+  for (Index f = 0; f < num_facets; ++f) {
+    ticker.tick();
+    const std::uint64_t hash = facet_hash[slot(f)];
+    if ((seen_again[word_of(hash)] & bit_of(hash)) != 0 && has_vertices(f)) sifted.push_back(f);
+  }
+
   std::size_t capacity = 16;
-  while (capacity < 2 * facet_hash.size()) capacity *= 2;
+  while (capacity < 2 * sifted.size()) capacity *= 2;
   std::vector<Index> table;  // open addressing
   resize_watched(table, capacity, kNone, run);
   std::vector<Index> result;
-  for (Index f = 0; f < num_facets; ++f) {
-    ticker.tick();
-    std::uint64_t hash = 0;  // a sum: of no order
-    bool in_range = true;
-    for (int k = 0; k < 3; ++k) {
-      const Index v = mesh.triangles(f, k);
-      in_range = in_range && v >= 0 && v < num_vertices;
-      if (in_range) hash += vertex_hash[slot(v)];
-    }
-    if (!in_range) continue;
-    facet_hash[slot(f)] = hash *= kHashFactor;
+  Ticker looking(run, sifted.size(), kEdgesPerLook);
+  for (const Index f : sifted) {
+    looking.tick();
+    const std::uint64_t hash = facet_hash[slot(f)];
     bool repeated = false;
     std::size_t at = (hash >> 32) & (capacity - 1);
     for (; table[at] != kNone && !repeated; at = (at + 1) & (capacity - 1)) {

@@ -130,13 +130,13 @@ void measure(const MeshView& mesh, const SurfaceEdges& surface, const SamplingRu
   report.input_self_intersections = find_self_intersections(mesh, crossing).num_pairs;
 }
 
-/// The radius that is wanted, at first estimate: what curves are found by.
-void set_curve_radii(const MeshView& mesh, const SamplingOptions& sampling, CurveOptions& curves) {
+/// The radius that is wanted on so much area, at first estimate: what curves are found by.
+void set_curve_radii(double area, const SamplingOptions& sampling, CurveOptions& curves) {
   if (curves.radius != 0 || !curves.sizing.empty()) return;
   const double target = sampling.target_count;
   if (sampling.sizing.empty()) {
     curves.radius = sampling.radius;
-    if (target > 0) curves.radius = std::sqrt(kSamplesPerDensity * total_area(mesh) / target);
+    if (target > 0) curves.radius = std::sqrt(kSamplesPerDensity * area / target);
   } else if (target > 0) {
     curves.sizing = sampling.sizing.scaled(std::sqrt(kSamplesPerDensity * sampling.sizing.density_integral() / target));
   } else {
@@ -144,14 +144,17 @@ void set_curve_radii(const MeshView& mesh, const SamplingOptions& sampling, Curv
   }
 }
 
-/// The surface that disks know, cut at the curves to be kept.
-SamplingSurface sampling_surface(const MeshView& mesh, CurveOptions curves, const SamplingOptions& sampling,
+/// The surface that disks know, cut at the curves to be kept. `curves`: out, too: the radii that they are found by.
+SamplingSurface sampling_surface(const MeshView& mesh, CurveOptions& curves, const SamplingOptions& sampling,
                                  const Execution& execution) {
   SamplingSurface result;
   if (sampling.neighborhood != Neighborhood::kSurface) return result;
-  SurfaceEdges edges(mesh, execution.part(0, 0.4, "finding curves"));
-  curves.execution = execution.part(0.4, 0.8);
-  auto graph = std::make_shared<const CurveGraph>(find_curves(mesh, edges, curves));
+  SurfaceEdges edges(mesh, execution.part(0, 0.35, "finding curves"));
+  result.area = FacetAreas(mesh, edges.repeated_facets(), execution.part(0.35, 0.4)).total;
+  set_curve_radii(result.area, sampling, curves);
+  CurveOptions finding = curves;
+  finding.execution = execution.part(0.4, 0.8);
+  auto graph = std::make_shared<const CurveGraph>(find_curves(mesh, edges, finding));
   result.flood = std::make_shared<const SurfaceFlood>(
       mesh, std::move(edges), graph->empty() ? std::vector<char>() : graph->is_curve_edge, execution.part(0.8, 0.9));
   result.topology = std::make_shared<const TopologyChecker>(mesh, *result.flood, execution.part(0.9, 1));
@@ -209,10 +212,10 @@ std::vector<Index> tips_at(const MeshView& mesh, const SamplingSurface& surface,
 }
 
 /// Samples on corners and curves among so many in all, roughly: chords are 1.22 radii long.
-double expected_curve_samples(const MeshView& mesh, const SamplingSurface& surface, double samples) {
+double expected_curve_samples(const SamplingSurface& surface, double samples) {
   if (surface.curves == nullptr) return 0;
   constexpr double kChord = 1.22;
-  const double radius = std::sqrt(kSamplesPerDensity * total_area(mesh) / samples);
+  const double radius = std::sqrt(kSamplesPerDensity * surface.area / samples);
   double count = static_cast<double>(surface.curves->corners.size());
   for (const Curve& curve : surface.curves->curves) count += curve.length() / (kChord * radius);
   return count;
@@ -412,7 +415,6 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   SamplingSurface& surface_of_input = state.surface;
   if (!state.has_surface) {
     constexpr double kSurfaceShare = 0.05;
-    set_curve_radii(mesh, sampling, state.curves);
     surface_of_input = sampling_surface(mesh, state.curves, sampling, sampling.execution.part(0, kSurfaceShare));
     if (surface_of_input.flood != nullptr) sampling.execution = sampling.execution.part(kSurfaceShare, 1);
     state.has_surface = true;
@@ -421,7 +423,7 @@ void sample_and_remesh(const MeshView& mesh, const RemeshOptions& options, Sampl
   if (options.optimize && sampling.target_count > 0) {
     // What optimisation will add, for each sample that it may move.
     const double target = sampling.target_count;
-    const double share = std::max(0.0, 1 - expected_curve_samples(mesh, surface_of_input, target) / target);
+    const double share = std::max(0.0, 1 - expected_curve_samples(surface_of_input, target) / target);
     const double growth = share * expected_growth(options.optimization, is_one_radius(sampling.sizing));
     sampling.target_count = std::max(Index{1}, static_cast<Index>(target / (1 + growth) + 0.5));
   }

@@ -5,6 +5,7 @@
 #include "amps/count_model.h"
 #include "amps/curve_sampling.h"
 #include "amps/darts.h"
+#include "amps/mesh_edges.h"
 #include "amps/sampling_stages.h"
 #include "amps/sizing_lattice.h"
 #include "amps/topology_refinement.h"
@@ -132,11 +133,13 @@ void require_feasible_radii(const MeshView& mesh, double area, const WantedRadii
   }
 }
 
-/// Of facets, where one radius is wanted, or would be once the field is scaled and rounded; else nobody needs them.
-FacetAreas areas_for_darts(const MeshView& mesh, const SizingField& sizing) {
+/// Of facets, where one radius is wanted, or would be once the field is scaled and rounded; else nobody needs them. `edges`:
+/// of the surface, if they are known.
+FacetAreas areas_for_darts(const MeshView& mesh, const SizingField& sizing, const SurfaceEdges* edges) {
   constexpr double kNoField = 1 + 1e-9;
   const bool one_radius = sizing.empty() || sizing.max_radius() < kNoField * sizing.min_radius();
-  return one_radius ? FacetAreas(mesh) : FacetAreas();
+  if (!one_radius) return {};
+  return edges != nullptr ? FacetAreas(mesh, edges->repeated_facets()) : FacetAreas(mesh);
 }
 
 /// Which of radius, sizing and target_count are given, and whether the field is this mesh's.
@@ -538,8 +541,9 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   require_sampling_options(options);
   require_one_sizing(mesh, options);
   const bool by_field = !options.sizing.empty();
-  const FacetAreas areas = areas_for_darts(mesh, options.sizing);
+  FacetAreas areas;
   if (options.target_count == 0) {
+    areas = areas_for_darts(mesh, options.sizing, surface.flood != nullptr ? &surface.flood->edges() : nullptr);
     SamplingRun run = run_once(mesh, options, wanted_radii(options), surface, areas, options.seed, nullptr, execution);
     if (run.result.status == Outcome::kDone) execution.finish();
     return run;
@@ -550,8 +554,13 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   best.result.report.seed = options.seed;
   std::unique_ptr<CountModel> model;
   if (!completes([&] {
-        model = std::make_unique<CountModel>(mesh, areas.total, options.sizing, options.target_count,
-                                             execution.part(0, 0.02, "throwing darts"));
+        const Execution counting = execution.part(0, 0.02, "throwing darts");
+        std::optional<SurfaceEdges> own;
+        const SurfaceEdges& edges =
+            surface.flood != nullptr ? surface.flood->edges() : own.emplace(mesh, counting.part(0, 0.5));
+        areas = areas_for_darts(mesh, options.sizing, &edges);
+        model =
+            std::make_unique<CountModel>(mesh, edges, areas.total, options.sizing, options.target_count, counting.part(0.5, 1));
       })) {
     return best;
   }
@@ -769,7 +778,7 @@ SamplingResult throw_darts(const MeshView& mesh, const SamplingOptions& options)
   detail::require_one_sizing(mesh, options);
   const detail::WantedRadii radii = detail::wanted_radii(options);
   const Box box = bounding_box(mesh);
-  const detail::FacetAreas areas = detail::areas_for_darts(mesh, options.sizing);
+  const detail::FacetAreas areas = detail::areas_for_darts(mesh, options.sizing, nullptr);
   detail::require_feasible_radii(mesh, areas.total, radii, box, options);
   const double density = radii.density_integral(areas.total);
   detail::SamplingTask task(mesh, options, radii, box, nullptr, detail::random_stream(options.seed, density));

@@ -138,6 +138,7 @@ struct SamplingSurface {
   std::shared_ptr<const SurfaceFlood> flood;        ///< cut at the curves; null: balls
   std::shared_ptr<const CurveGraph> curves;         ///< null: disks are balls
   std::shared_ptr<const TopologyChecker> topology;  ///< null: nobody asks
+  double area = 0;                                  ///< of the surface; 0 where disks are balls
   std::vector<RadiusCap> limits;                    ///< bounds of radii to begin with, for other reasons
   std::vector<FaceSample> kept;  ///< samples to begin with, where they are small enough; none: darts are thrown
   std::vector<Index> tips;       ///< sharp corners whose radii stay, by vertex of the surface, ascending
