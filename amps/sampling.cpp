@@ -476,9 +476,8 @@ class TopologyRefiner {
 /// One run: a round, and further ones with smaller radii where the topology is not that of the surface. `curves`: its samples
 /// on curves; null: if there are curves, they are yet to be sampled.
 SamplingRun run_once(const MeshView& mesh, const SamplingOptions& options, const WantedRadii& radii,
-                     const SamplingSurface& surface, const FacetAreas& areas, std::uint64_t seed,
+                     const SamplingSurface& surface, const FacetAreas& areas, const Box& box, std::uint64_t seed,
                      std::shared_ptr<CurveSamples> curves, const Execution& execution) {
-  const Box box = bounding_box(mesh);
   require_feasible_radii(mesh, areas.total, radii, box, options);
   constexpr double kRefinementShare = 0.1;
   const double refining = surface.preserve ? 1 - kRefinementShare : 1;
@@ -541,10 +540,11 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
   require_sampling_options(options);
   require_one_sizing(mesh, options);
   const bool by_field = !options.sizing.empty();
+  const Box box = bounding_box(mesh);
   FacetAreas areas;
   if (options.target_count == 0) {
     areas = areas_for_darts(mesh, options.sizing, surface.flood != nullptr ? &surface.flood->edges() : nullptr);
-    SamplingRun run = run_once(mesh, options, wanted_radii(options), surface, areas, options.seed, nullptr, execution);
+    SamplingRun run = run_once(mesh, options, wanted_radii(options), surface, areas, box, options.seed, nullptr, execution);
     if (run.result.status == Outcome::kDone) execution.finish();
     return run;
   }
@@ -579,7 +579,7 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
     best.disks.reset();
   };
   const auto run_of = [&](double scale, std::uint64_t seed, const Execution& part) {
-    SamplingRun run = run_once(mesh, options, radii_of(scale), surface, areas, seed, std::move(curves), part);
+    SamplingRun run = run_once(mesh, options, radii_of(scale), surface, areas, box, seed, std::move(curves), part);
     curves.reset();
     if (by_field) run.result.report.sizing_scale = scale;
     return run;
@@ -590,7 +590,6 @@ SamplingRun sample_with_diagram(const MeshView& mesh, const SamplingOptions& opt
         constexpr double kForeseeingShare = 0.02;
         const double share = has_curves(surface) ? kForeseeingShare : 0;
         const WantedRadii radii = radii_of(model->scale());
-        const Box box = bounding_box(mesh);
         curves = foresee_curves(mesh, options, first_round(surface, areas, radii, box, options.seed, nullptr), *model,
                                 execution.part(0, share));
         running = execution.part(share, 1);
