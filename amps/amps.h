@@ -82,6 +82,8 @@
 //   sampling_stages.h  (internal) the stages of a run
 //   maximality.h     the certificate that a set is maximal; its gaps
 //   optimize.h       better triangles and valences by refilling gaps
+//   optimize_state.h  (internal) what its parts work on
+//   optimize_refiller.h  (internal) refills carried out, kept or undone
 //   polygons.h       (internal) polygons of files, cut into triangles
 //   decimal.h        (internal) doubles as text
 //   file_io.h        (internal) what readers and writers share: places of errors, numbers, whole files

@@ -1,24 +1,21 @@
 #define AMPS_OWN_SOURCE
 #include "amps/optimize.h"
 
+#include "amps/disk_set.h"
 #include "amps/dual_star.h"
-#include "amps/gap_filling.h"
-#include "amps/gaps.h"
 #include "amps/maximality.h"
+#include "amps/optimize_refiller.h"
+#include "amps/optimize_state.h"
 #include "amps/portable_math.h"
 #include "amps/refill.h"
 #include "amps/sample_edit.h"
 #include "amps/sizing_lattice.h"
-#include "amps/disk_set.h"
 #include "amps/wanted_radii.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <locale>
-#include <memory>
-#include <optional>
 #include <ostream>
 #include <sstream>
 #include <string>
@@ -56,136 +53,17 @@ constexpr double kMinShareOfGain = 0.05;
 constexpr double kWorkAtLeast = 200000;
 /// Units of that work, about a microsecond each: for a refill tried, and for a fragment changed by an edit.
 constexpr double kWorkOfTrial = 2, kWorkOfFragment = 1;
-/// Edits spent on vertices at crossings, 0.2 ms each, beyond one for every fourth sample. Where a surface meets itself there
-/// may be no end of them.
-constexpr std::uint64_t kEditsAtCrossings = 500;
-constexpr std::uint64_t kSamplesPerEditAtCrossings = 4;
 /// Items are visited in stretches of so many ids, which mostly follow a curve in space, so that memory is at hand; in each
 /// stretch in random order.
 constexpr Index kIdsPerStretch = 4096;
-/// Items planned before those of the batch before are carried out: with more, more of what was found is out of date.
-constexpr std::size_t kItemsPerBatch = 8;
 /// Items a thread takes at a time.
 constexpr std::size_t kItemsPerTask = 2;
-/// Room is made for one sample more for so many: ids are used again, and most sets grow by less. (Doubling: 5 MiB at 100k.)
-constexpr std::size_t kSamplesPerRoom = 8;
-/// Stars a thread reads at a time.
-constexpr std::size_t kStarsPerTask = 1024;
 /// Beside curves much may be out of reach: corners that are too narrow, radii that fall too fast. Optimisation ends where so
 /// many iterations leave more than this share of the energy.
 constexpr int kIterationsAtCurves = 8;
 constexpr double kLeftAtCurves = 0.9;
 /// Samples or fragments between two looks for a cancel, in loops that take up to 1 µs for each.
 constexpr std::uint64_t kEntriesPerLook = 4096;
-/// Refills of the diagram itself, where a patch cannot be copied.
-constexpr int kRefillsInPlace = 8;
-/// Of three such refills one takes out so many neighbours too.
-constexpr int kNeighborsInPlace = 2;
-/// Samples for one refill of the diagram at most: far more than fit where a few have been taken out.
-constexpr Index kMaxRefillSamples = 64;
-
-/// Radii of samples to come beside those there are.
-WantedRadii radii_of(const OptimizeOptions& options, const SampleSet& samples) {
-  const double min = min_radius(samples), max = max_radius(samples);
-  const WantedRadii wanted = options.sizing.empty()
-                                 ? WantedRadii(options.radius > 0 ? options.radius : min, options.conflict_rule)
-                                 : WantedRadii(options.sizing, options.conflict_rule);
-  return wanted.beside(min, max);
-}
-
-/// Balls, none yet: for the samples there are and those to come.
-DiskSet balls_for(const MeshView& mesh, const WantedRadii& radii) {
-  const double min = radii.min_of_set(), max = radii.max_of_set();
-  const Box box = bounding_box(mesh);
-  if (!VoxelGrid::fits(box, min, max)) {
-    throw Error(ErrorCode::kTooLarge, "optimisation: radii from " + number_text(min) + " to " + number_text(max) +
-                                          " are out of proportion to the mesh's diagonal " + number_text(box.diagonal()) +
-                                          "; stay between 1e-6 and 1e6 of it");
-  }
-  return DiskSet(VoxelGrid(box, min, max));
-}
-
-/// What the parts of the optimiser work on.
-struct OptimizeState {
-  OptimizeState(RestrictedPowerDiagram& given, const SampleSet& set, const OptimizeSurface& surface,
-                const OptimizeOptions& given_options, double min_angle, double max_angle, const Execution& execution)
-      : diagram(given),
-        num_fixed(surface.num_fixed),
-        topology(surface.topology),
-        topology_samples(surface.samples),
-        options(given_options),
-        rating(options.angles, options.valences, min_angle, max_angle),
-        reader(diagram, rating, num_fixed),
-        radii(radii_of(options, set).with_caps(surface.caps)),
-        balls(surface.disks != nullptr ? nullptr : std::make_unique<DiskSet>(balls_for(diagram.mesh(), radii))),
-        samples(given, set, surface.disks != nullptr ? *surface.disks : *balls, execution.part(0, 0.3)),
-        rng(options.seed) {
-    report.min_angle = min_angle;
-    report.max_angle = max_angle;
-    const std::size_t n = slot(samples.size());
-    stars.resize(n);
-    seen.reserve(n + n / kSamplesPerRoom);
-    seen.resize(n);
-    std::vector<std::vector<std::pair<std::size_t, DualStar>>> large((n + kStarsPerTask - 1) / kStarsPerTask);
-    for_each_piece_on_all_threads(n, kStarsPerTask, execution.part(0.3, 1), [&](std::size_t begin, std::size_t end) {
-      StarReader own(diagram, rating, num_fixed);
-      DualStar star;
-      for (std::size_t s = begin; s < end; ++s) {
-        stars.energy[s] = own.energy(static_cast<Index>(s), star);
-        if (!stars.star.set_small(s, star)) large[begin / kStarsPerTask].emplace_back(s, star);
-        seen.site[s] = diagram.site(static_cast<Index>(s));
-      }
-    });
-    for (const auto& of_piece : large) {
-      for (const auto& [s, star] : of_piece) stars.star.set(s, star);
-    }
-    seen.star = stars.star;
-  }
-  OptimizeState(const OptimizeState&) = delete;
-
-  const RestrictedPowerDiagram& diagram;
-  const Index num_fixed;  ///< samples below stay where they are
-  const TopologyChecker* const topology;
-  const TopologySamples topology_samples;
-  const OptimizeOptions& options;
-  const DualRating rating;
-  StarReader reader;
-  const WantedRadii radii;
-  const std::unique_ptr<DiskSet> balls;
-  EditableSamples samples;
-  DualStars stars;            ///< of `samples`, up to date between edits
-  SeenSamples seen;           ///< the same for trials, up to date where trials begin
-  std::vector<Index> unseen;  ///< samples whose star may be another one than seen
-  Rng rng;
-  OptimizeReport report;
-
-  /// Is it still there, and bad?
-  bool is_current(const BadItem& item) const {
-    for (const Index s : {item.a, item.b, item.c}) {
-      if (s != kNone && (!samples.alive(s) || !(stars.energy[slot(s)] > 0))) return false;
-    }
-    if (item.is_vertex()) return true;
-    const StarView star = stars.star[slot(item.a)];
-    for (int k = 0; k < star.size; ++k) {
-      const Index p = star.ring[static_cast<std::size_t>(k)], q = star.ring[static_cast<std::size_t>((k + 1) % star.size)];
-      if ((p == item.b && q == item.c) || (p == item.c && q == item.b)) return true;
-    }
-    return star.size == 0;
-  }
-
-  /// Brings `seen` up to date. Not beside trials.
-  void see_changes() {
-    seen.resize(slot(samples.size()));
-    for (const Index s : unseen) {
-      if (!samples.alive(s)) continue;
-      seen.star.set(slot(s), stars.star[slot(s)]);
-      seen.site[slot(s)] = diagram.site(s);
-    }
-    unseen.clear();
-  }
-
-  RefillFinder finder() const { return {diagram, stars, rating, radii, options.refills, num_fixed}; }
-};
 
 /// Angles of all triangles.
 AngleRange angles_of_all(OptimizeState& state, const Execution& execution) {
@@ -210,349 +88,6 @@ AngleRange angles_of_all(OptimizeState& state, const Execution& execution) {
   }
   return range;
 }
-
-/// Edits that were kept, to be undone together if they are no improvement.
-struct EditSeries {
-  std::vector<SampleChange> changes;
-  double energy_change = 0;
-};
-
-/// Carries out refills, and keeps those that lower the energy of all samples affected: their stars are the only ones to change.
-class Refiller {
- public:
-  explicit Refiller(OptimizeState& state)
-      : state_(state), filler_(state.diagram, state.samples.disks(), state.radii), pending_(kItemsPerBatch) {
-    for (std::size_t k = 0; k < kItemsPerBatch; ++k) beside_.push_back(std::make_unique<EditBeside>(state));
-    grow();
-  }
-
-  /// The present state, for carry_out() to compare with.
-  std::uint64_t time() const { return time_; }
-
-  /// What was proposed for a bad item at that time, unless an edit since then has changed what it relies on.
-  void carry_out(const BadItem& item, const Proposal& proposal, std::uint64_t planned_at) {
-    if (!is_due(item, proposal, planned_at)) return;
-    if (is_for_in_place(item, proposal)) {
-      refill_in_place(item, Accept::kBetter);
-      return;
-    }
-    SampleEdit edit(state_.samples, proposal.removed);
-    if (!starts(edit, item, proposal)) return;
-    Index near = proposal.removed.front();
-    for (const Sample& sample : proposal.added) near = edit.enter(sample, near);
-    edit.take_out();
-    fill_and_end(edit, item);
-  }
-
-  // Several refills side by side: begin_batch(), begin() of one after another, carry_out_beside() of each, on as many threads,
-  // and end_batch().
-
-  void begin_batch() {
-    num_begun_ = 0;
-    state_.samples.begin_side_by_side(pending_);
-  }
-
-  enum class Begun { kYes, kNothing, kAlone };  ///< kAlone: to be carried out by itself, after the batch
-
-  /// Up to kItemsPerBatch times. What comes of it is as if each ended before the next began.
-  Begun begin(const BadItem& item, const Proposal& proposal, std::uint64_t planned_at) {
-    if (!is_due(item, proposal, planned_at)) return Begun::kNothing;
-    const auto is_near_others = [this](Index s) { return state_.diagram.near_pending(s); };
-    if (is_for_in_place(item, proposal) || std::any_of(proposal.seen.begin(), proposal.seen.end(), is_near_others)) {
-      return Begun::kAlone;
-    }
-    EditBeside& beside = *beside_[num_begun_];
-    SampleEdit& edit = beside.edit.emplace(state_.samples, proposal.removed);
-    if (!starts(edit, item, proposal)) return Begun::kNothing;
-    if (!edit.begin(proposal.added, proposal.removed.front(), pending_[num_begun_])) {
-      edit.undo();
-      --state_.report.edits;
-      return Begun::kAlone;
-    }
-    beside.item = item;
-    ++num_begun_;
-    return Begun::kYes;
-  }
-
-  std::size_t num_begun() const { return num_begun_; }
-
-  void carry_out_beside(std::size_t k) {
-    EditBeside& beside = *beside_[k];
-    beside.edit->carry_out(pending_[k]);
-    beside.reader.rate_crossings(state_.reader.rates_crossings());
-    beside.complete = !beside.gaps.has_gap_in(beside.edit->changed_fragments());
-    if (beside.complete) rate(*beside.edit, beside.reader, beside.rating);
-  }
-
-  void end_batch() {
-    bool more = false;
-    for (std::size_t k = 0; k < num_begun_; ++k) beside_[k]->edit->join(pending_[k]);
-    for (std::size_t k = 0; k < num_begun_; ++k) more = beside_[k]->edit->finish(pending_[k]) || more;
-    // Those with gaps last: what fills these may change stars of the others.
-    for (std::size_t k = 0; k < num_begun_; ++k) {
-      EditBeside& beside = *beside_[k];
-      beside.complete = beside.complete && !more;
-      if (beside.complete) keep_or_undo(*beside.edit, beside.rating, beside.item);
-    }
-    for (std::size_t k = 0; k < num_begun_; ++k) {
-      if (!beside_[k]->complete) fill_and_end(*beside_[k]->edit, beside_[k]->item);
-    }
-    num_begun_ = 0;
-  }
-
-  /// After the last batch.
-  void give_back() { state_.samples.end_side_by_side(pending_); }
-
-  enum class Accept { kBetter, kAny };
-
-  /// Tries a random patch in the diagram itself, of `more` samples than usual.
-  void refill_in_place(const BadItem& item, Accept accept, int more = 0) {
-    if (!affords_edits_in_place()) return;
-    const std::vector<Index> removed = random_patch(item, more);
-    if (removed.empty()) return;
-    if (static_cast<Index>(removed.size()) + 1 >= num_samples()) return;
-    SampleEdit edit(state_.samples, removed);
-    edit.take_out();
-    for (int refill = 0; refill < kRefillsInPlace && !is_cancelled(); ++refill) {
-      ++state_.report.trials;
-      ++state_.report.edits;
-      ++edits_in_place_;
-      if (fill(edit)) {
-        rate(edit, state_.reader, rating_);
-        if (is_good(edit, rating_, accept)) {
-          keep(edit, rating_);
-          return;
-        }
-      }
-      edit.withdraw();
-    }
-    edit.undo();
-  }
-
-  /// Refills in place can take a tenth of a second each, beside sheets that crowd.
-  bool is_cancelled() const { return state_.options.execution.cancelled(); }
-
-  /// False where edits in place have come to their end, which they do only while crossings are rated.
-  bool affords_edits_in_place() const {
-    return !state_.reader.rates_crossings() ||
-           edits_in_place_ < kEditsAtCrossings + static_cast<std::uint64_t>(num_given_) / kSamplesPerEditAtCrossings;
-  }
-  void count_edits_in_place_anew() { edits_in_place_ = 0; }
-
-  /// What the edits that were kept have changed in all. (Up to rounding: for telling progress.)
-  double energy_change_of_all() const { return energy_change_of_all_; }
-
-  /// Edits kept from now on are added to a series (null: no more).
-  void record(EditSeries* series) { series_ = series; }
-
-  void undo(EditSeries& series) {
-    energy_change_of_all_ -= series.energy_change;
-    for (const Index s : SampleEdit::undo_all(state_.samples, series.changes)) {
-      state_.stars.read(state_.reader, s);
-      state_.unseen.push_back(s);
-    }
-  }
-
- private:
-  Index num_samples() const { return state_.diagram.num_sites() - state_.diagram.num_removed(); }
-
-  bool changed_since(std::uint64_t time, Index s) const { return changed_at_[slot(s)] > time; }
-
-  void grow() {
-    const std::size_t n = slot(state_.samples.size());
-    state_.stars.resize(n);
-    changed_at_.resize(n, 0);
-    copies_mislead_.resize(n, 0);
-  }
-
-  /// Until no gap is left where the edit has changed something; false if that takes too many samples.
-  bool fill(SampleEdit& edit) {
-    GapFillLimits limits;
-    limits.max_samples = kMaxRefillSamples;
-    filler_.look_at(edit.changed_fragments());
-    const GapFilling filling =
-        filler_.fill(state_.rng, limits, [&](const Sample& sample, Index near) { edit.enter(sample, near); });
-    filler_.forget();
-    return filling.complete();
-  }
-
-  std::vector<Index> random_patch(const BadItem& item, int more) {
-    Rng& rng = state_.rng;
-    std::vector<Index> patch = {item.a};
-    if (!item.is_vertex()) {
-      const auto others = rng.below(3);
-      if (others > 0) patch.push_back(others == 1 && rng.below(2) == 0 ? item.c : item.b);
-      if (others > 1) patch.push_back(item.c);
-      std::swap(patch[0], patch[rng.below(patch.size())]);
-    }
-    take_free(patch);
-    if (patch.empty()) return patch;
-    const int neighbors = (rng.below(3) == 0 ? kNeighborsInPlace : 0) + more;
-    for (int k = 0; k < neighbors; ++k) {
-      const auto& pairs = state_.reader.read(patch[rng.below(patch.size())]);
-      if (pairs.empty()) continue;
-      const Index s = pairs[rng.below(pairs.size())][rng.below(2)];
-      if (s >= state_.num_fixed && std::find(patch.begin(), patch.end(), s) == patch.end()) patch.push_back(s);
-    }
-    return patch;
-  }
-
-  /// Leaves out samples that stay; where that leaves none, takes one of their neighbours instead, if one may go.
-  void take_free(std::vector<Index>& patch) {
-    const auto is_fixed = [this](Index s) { return s < state_.num_fixed; };
-    const Index first = patch.front();
-    patch.erase(std::remove_if(patch.begin(), patch.end(), is_fixed), patch.end());
-    if (!patch.empty()) return;
-    std::vector<Index> free;
-    for (const StarReader::Pair& pair : state_.reader.read(first)) {
-      std::copy_if(pair.begin(), pair.end(), std::back_inserter(free), [&](Index s) { return !is_fixed(s); });
-    }
-    if (!free.empty()) patch.push_back(free[state_.rng.below(free.size())]);
-  }
-
-  /// What an edit makes of the samples it affects.
-  struct EditRating {
-    AffectedStars stars;
-    double energy_change = 0;
-  };
-
-  /// Of the edit so far.
-  void rate(SampleEdit& edit, StarReader& reader, EditRating& rating) const {
-    const std::vector<Index>& affected = edit.affected();
-    double before = 0, after = 0;
-    for (const SampleChange::Removed& old : edit.removed()) before += state_.stars.energy[slot(old.id)];
-    rating.stars.resize(affected.size());
-    for (std::size_t k = 0; k < affected.size(); ++k) {
-      const Index s = affected[k];
-      if (!edit.has_added(s)) before += state_.stars.energy[slot(s)];
-      after += rating.stars.energy[k] = reader.energy(s, rating.stars.star[k]);
-    }
-    rating.energy_change = after - before;
-  }
-
-  bool is_good(SampleEdit& edit, const EditRating& rating, Accept accept) {
-    return (rating.energy_change < -kMinGain || accept == Accept::kAny) && !hides_a_sample(edit) &&
-           keeps_topology(edit, rating.stars);
-  }
-
-  void keep_or_undo(SampleEdit& edit, const EditRating& rating, const BadItem& item) {
-    if (is_good(edit, rating, Accept::kBetter)) {
-      keep(edit, rating);
-    } else {
-      copies_mislead_[slot(item.a)] = 1;
-      edit.undo();
-    }
-  }
-
-  void fill_and_end(SampleEdit& edit, const BadItem& item) {
-    if (fill(edit)) {
-      rate(edit, state_.reader, rating_);
-    } else {
-      rating_.energy_change = INFINITY;
-    }
-    keep_or_undo(edit, rating_, item);
-  }
-
-  /// Is there something to be done, and has nothing changed that it relies on?
-  bool is_due(const BadItem& item, const Proposal& proposal, std::uint64_t planned_at) {
-    if (proposal.kind == Proposal::Kind::kNothing) return false;
-    if (is_for_in_place(item, proposal)) return state_.is_current(item) && !changed_since(planned_at, item.a);
-    return std::none_of(proposal.seen.begin(), proposal.seen.end(), [&](Index s) { return changed_since(planned_at, s); });
-  }
-
-  bool is_for_in_place(const BadItem& item, const Proposal& proposal) const {
-    return proposal.kind == Proposal::Kind::kInPlace || copies_mislead_[slot(item.a)];
-  }
-
-  /// Counts the edit. False, and it is undone, where a disk would be too near to one of another sheet.
-  bool starts(SampleEdit& edit, const BadItem& item, const Proposal& proposal) {
-    if (!state_.samples.are_apart(proposal.added, state_.radii.rule())) {
-      copies_mislead_[slot(item.a)] = 1;
-      edit.undo();
-      return false;
-    }
-    ++state_.report.edits;
-    return true;
-  }
-
-  /// Has a new sample no part of the surface, or an old one none any more? By the min rule a disk may cover smaller ones; by
-  /// the max rule this never happens.
-  bool hides_a_sample(SampleEdit& edit) const {
-    if (state_.radii.rule() == ConflictRule::kMax) return false;
-    const auto is_hidden = [&](Index s) { return state_.diagram.first_of_site(s) == kNone; };
-    const std::vector<Index>&added = edit.added(), &affected = edit.affected();
-    return std::any_of(added.begin(), added.end(), is_hidden) || std::any_of(affected.begin(), affected.end(), is_hidden);
-  }
-
-  /// Is the dual of the same topology after the edit, of which the samples affected have these stars? Where disks of triangles
-  /// around samples away from curves, met once each, are replaced by such, their sum of 6 less the valence says so: six times
-  /// the Euler characteristic. All else the certificate decides, at five times the cost.
-  bool keeps_topology(SampleEdit& edit, const AffectedStars& stars) {
-    if (state_.topology == nullptr) return true;
-    const std::vector<Index>& affected = edit.affected();
-    bool all_disks = true;
-    int change = 0;
-    const auto add = [&](Index s, const StarView& star, int sign) {
-      all_disks = all_disks && star.size > 0 && !star.repeats && s >= state_.num_fixed;
-      change += sign * (6 - star.size);
-    };
-    for (const SampleChange::Removed& old : edit.removed()) add(old.id, state_.stars.star[slot(old.id)], -1);
-    for (std::size_t k = 0; k < affected.size(); ++k) {
-      const Index s = affected[k];
-      if (!edit.has_added(s)) add(s, state_.stars.star[slot(s)], -1);
-      add(s, stars.star[k], 1);
-    }
-    if (all_disks) return change == 0;
-    return state_.topology->check(state_.diagram, state_.topology_samples, affected, topology_scratch_).holds();
-  }
-
-  void keep(SampleEdit& edit, const EditRating& rating) {
-    ++state_.report.accepted;
-    ++time_;
-    SampleChange change = edit.keep();
-    grow();
-    state_.unseen.insert(state_.unseen.end(), change.affected.begin(), change.affected.end());
-    for (std::size_t k = 0; k < change.affected.size(); ++k) {
-      const std::size_t s = slot(change.affected[k]);
-      changed_at_[s] = time_;
-      copies_mislead_[s] = 0;
-      state_.stars.energy[s] = rating.stars.energy[k];
-      state_.stars.star.set(s, rating.stars.star[k]);
-    }
-    energy_change_of_all_ += rating.energy_change;
-    if (series_ == nullptr) return;
-    series_->energy_change += rating.energy_change;
-    series_->changes.push_back(std::move(change));
-  }
-
-  /// One of a batch, with what its thread uses.
-  struct EditBeside {
-    explicit EditBeside(const OptimizeState& state)
-        : reader(state.diagram, state.rating, state.num_fixed), gaps(state.diagram, state.samples.disks(), state.radii) {}
-
-    BadItem item{};
-    std::optional<SampleEdit> edit;
-    StarReader reader;
-    GapFiller gaps;
-    EditRating rating;
-    bool complete = false;  ///< no gap, and rated
-  };
-
-  OptimizeState& state_;
-  GapFiller filler_;
-  const Index num_given_ = num_samples();
-  std::uint64_t time_ = 0;  ///< edits kept so far
-  std::uint64_t edits_in_place_ = 0;
-  std::vector<std::uint64_t> changed_at_;  ///< the time after the edit that changed a sample's star last
-  std::vector<char> copies_mislead_;       ///< by sample: the diagram has shown a refill to be less than a copy promised
-  EditSeries* series_ = nullptr;
-  double energy_change_of_all_ = 0;
-  EditRating rating_;  ///< of the present edit
-  std::vector<std::unique_ptr<EditBeside>> beside_;
-  RestrictedPowerDiagram::PendingEdits pending_;
-  std::size_t num_begun_ = 0;
-  TopologyChecker::Scratch topology_scratch_;
-};
 
 /// How hard bounds are: degrees from those that every maximal set of one radius meets. The upper bounds that go with lower ones
 /// are about so many times as far from 120 as these from 30.
@@ -779,10 +314,10 @@ class Optimizer {
     for (std::size_t begin = 0, end; begin < items.size(); begin = end) {
       for (end = begin + 1; end < items.size() && items[end].a / kIdsPerStretch == items[begin].a / kIdsPerStretch;) ++end;
       for (std::size_t k = end - begin; k > 1; --k) std::swap(items[begin + k - 1], items[begin + state_.rng.below(k)]);
-      for (std::size_t first = begin; first < end; first += kItemsPerBatch) {
+      for (std::size_t first = begin; first < end; first += Refiller::kItemsPerBatch) {
         report_progress();
         next.items = items.data() + first;
-        next.count = std::min(kItemsPerBatch, end - first);
+        next.count = std::min(Refiller::kItemsPerBatch, end - first);
         plan(next);
         try_beside(next, tried);
         std::swap(tried, next);
