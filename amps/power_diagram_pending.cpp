@@ -6,9 +6,9 @@
 // the pages of polygons, under a lock.
 //
 // Order. Edits count as if each came whole before the next. An edit that enters looks at what those before have marked: all
-// neighbours of what they remove, and those neighbours of what they insert that the new cell can reach. What a later edit
-// inserts beside none of these takes nothing from them, and gets nothing: its neighbours in the triangulation, which has all
-// edits so far, are those it has once the edits before are carried out.
+// neighbours of what they remove, and those neighbours of what they insert that the new cell can reach; when it is carried out,
+// it looks at no other fragments. What a later edit inserts beside none of these takes nothing from them, and gets nothing: its
+// neighbours in the triangulation, which has all edits so far, are those it has once the edits before are carried out.
 #define AMPS_OWN_SOURCE
 #include "amps/power_diagram.h"
 
@@ -119,6 +119,10 @@ bool RestrictedPowerDiagram::enter_pending(PendingEdit& edit, Index s) {
     const bool changes = !(plane(v - kSentinels, s).offset > reach_[slot(v - kSentinels)]);
     apart = mark_pending(edit, v, changes) && apart;
   }
+  // Fragments of neighbours that the new cell does not reach may be another edit's by the time it is found.
+  const auto is_ours = [&](Index v) { return v >= kSentinels && mark_[slot(v)] == edit.mark_; };
+  step.cell.around.erase(std::remove_if(step.cell.around.begin(), step.cell.around.end(), [&](Index v) { return !is_ours(v); }),
+                         step.cell.around.end());
   return apart;
 }
 
