@@ -1,10 +1,11 @@
 #!/bin/sh
 # Builds amps and runs its tests. On Debian, installs what they need first; elsewhere, says what is missing.
 #
-#   tests/run.sh [--sanitize] [BUILD_DIR]
+#   tests/run.sh [--sanitize | --races] [BUILD_DIR]
 #
 # --sanitize builds with ASan, UBSan and all assertions, and leaves out the tests labelled slow, those against CGAL (most of their time
-# is CGAL's), and the consumer projects, which build amps anew without them. BUILD_DIR is build/tests or build/sanitize by default.
+# is CGAL's), and the consumer projects, which build amps anew without them. --races does the same with ThreadSanitizer, for changes to what
+# several threads do: an hour, so CI does not. BUILD_DIR is build/tests, build/sanitize or build/races by default.
 set -eu
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
@@ -13,9 +14,9 @@ sanitize=
 build=
 for argument in "$@"; do
   case $argument in
-    --sanitize) sanitize=yes ;;
-    -h | --help) sed -n '2,7s/^# \{0,1\}//p' "$0"; exit 0 ;;
-    -*) echo "tests/run.sh: unknown option $argument; it knows --sanitize" >&2; exit 2 ;;
+    --sanitize | --races) sanitize=${argument#--} ;;
+    -h | --help) sed -n '2,8s/^# \{0,1\}//p' "$0"; exit 0 ;;
+    -*) echo "tests/run.sh: unknown option $argument; it knows --sanitize and --races" >&2; exit 2 ;;
     *) build=$argument ;;
   esac
 done
@@ -30,10 +31,12 @@ if command -v ccache >/dev/null 2>&1; then
   export CCACHE_SLOPPINESS=pch_defines,time_macros
 fi
 if [ -n "$sanitize" ]; then
-  build=${build:-$source/build/sanitize}
+  build=${build:-$source/build/$sanitize}
+  sanitizers=address,undefined
+  [ "$sanitize" = sanitize ] || sanitizers=thread
   # -O1: the tests are too slow without; NDEBUG is not defined, so every assertion is checked.
   set -- "$@" -DCMAKE_DISABLE_FIND_PACKAGE_CGAL=ON -DCMAKE_BUILD_TYPE=Debug "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g1" \
-    "-DCMAKE_CXX_FLAGS=-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer"
+    "-DCMAKE_CXX_FLAGS=-fsanitize=$sanitizers -fno-sanitize-recover=all -fno-omit-frame-pointer"
 else
   build=${build:-$source/build/tests}
   set -- "$@" -DCMAKE_BUILD_TYPE=Release
