@@ -149,8 +149,9 @@ SamplingSurface sampling_surface(const MeshView& mesh, CurveOptions& curves, con
                                  const Execution& execution) {
   SamplingSurface result;
   if (sampling.neighborhood != Neighborhood::kSurface) return result;
-  SurfaceEdges edges(mesh, execution.part(0, 0.35, "finding curves"));
-  result.area = FacetAreas(mesh, edges.repeated_facets(), execution.part(0.35, 0.4)).total;
+  const Execution looking = execution.part(0, 0.4, "finding curves");
+  SurfaceEdges edges(mesh, looking.part(0, 0.9));
+  result.area = FacetAreas(mesh, edges.repeated_facets(), looking.part(0.9, 1)).total;
   set_curve_radii(result.area, sampling, curves);
   CurveOptions finding = curves;
   finding.execution = execution.part(0.4, 0.8);
