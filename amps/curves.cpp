@@ -36,8 +36,9 @@ double cosine_between(const Vec3& a, const Vec3& b) {
 
 class CurveFinder {
  public:
-  CurveFinder(const MeshView& mesh, const SurfaceEdges& edges, const CurveOptions& options, const Execution& run)
-      : mesh_(mesh), edges_(edges), options_(options), run_(run) {}
+  CurveFinder(const MeshView& mesh, const SurfaceEdges& edges, const std::vector<std::size_t>& fans,
+              const CurveOptions& options, const Execution& run)
+      : mesh_(mesh), edges_(edges), corner_fans_(fans), options_(options), run_(run) {}
 
   CurveGraph find() {
     curve_.assign(edges_.size(), 0);
@@ -393,8 +394,7 @@ class CurveFinder {
     const Execution run = run_.part(0.8, 0.9);
     const auto n = slot(edges_.num_vertices());
     std::vector<char> corner(n, 0);
-    const std::vector<Index> fans =
-        fans_at_vertices(edges_.triangles(), edges_.num_vertices(), corner_fans(edges_.edges()), edges_.counted());
+    const std::vector<Index> fans = fans_at_vertices(edges_.triangles(), edges_.num_vertices(), corner_fans_, edges_.counted());
     const double sharp = portable_cosine(kSharpTurn), bent = portable_cosine(kCornerTurn);
     std::vector<double> turn(n, 1);  // cosines
     const auto reach = [this](Index v) { return kTurnReach * std::max(radius_[edge_at(v, 0)], radius_[edge_at(v, 1)]); };
@@ -486,6 +486,7 @@ class CurveFinder {
 
   const MeshView& mesh_;
   const SurfaceEdges& edges_;
+  const std::vector<std::size_t>& corner_fans_;  // uncut
   const CurveOptions& options_;
   const Execution& run_;
   std::vector<double> length_, radius_;          // by edge
@@ -526,10 +527,12 @@ void scale_back(CurveGraph& graph, const MeshScale& scale) {
   for (Curve& curve : graph.curves) scale.back(curve.arc);
 }
 
-CurveGraph find_curves(const MeshView& mesh, const SurfaceEdges& edges, const CurveOptions& options) {
+CurveGraph find_curves(const MeshView& mesh, const SurfaceEdges& edges, const CurveOptions& options,
+                       const std::vector<std::size_t>* fans) {
   require_curve_options(mesh, options);
   const Execution run = options.execution.start("finding curves");
-  return CurveFinder(mesh, edges, options, run).find();
+  if (fans != nullptr) return CurveFinder(mesh, edges, *fans, options, run).find();
+  return CurveFinder(mesh, edges, corner_fans(edges.edges()), options, run).find();
 }
 
 }  // namespace detail

@@ -81,8 +81,9 @@ class SurfaceEdges;
 CurveOptions scaled_options(const CurveOptions& options, const MeshScale& scale);
 void scale_back(CurveGraph& graph, const MeshScale& scale);
 
-/// The same, on edges that are there already. Requires a usable mesh.
-CurveGraph find_curves(const MeshView& mesh, const SurfaceEdges& edges, const CurveOptions& options);
+/// The same, on edges that are there already, and their corner_fans() if these are. Requires a usable mesh.
+CurveGraph find_curves(const MeshView& mesh, const SurfaceEdges& edges, const CurveOptions& options,
+                       const std::vector<std::size_t>* fans = nullptr);
 }  // namespace detail
 }  // namespace amps
 

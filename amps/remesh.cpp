@@ -150,15 +150,23 @@ SamplingSurface sampling_surface(const MeshView& mesh, CurveOptions& curves, con
   SamplingSurface result;
   if (sampling.neighborhood != Neighborhood::kSurface) return result;
   const Execution looking = execution.part(0, 0.4, "finding curves");
-  SurfaceEdges edges(mesh, looking.part(0, 0.9));
-  result.area = FacetAreas(mesh, edges.repeated_facets(), looking.part(0.9, 1)).total;
+  SurfaceEdges edges(mesh, looking.part(0, 0.7));
+  const Execution measuring = looking.part(0.7, 1);
+  std::vector<std::size_t> fans;
+  parallel_for(2, 1, measuring, [&](std::size_t task, std::size_t) {
+    if (task == 0) {
+      fans = corner_fans(edges.edges(), {}, measuring);
+    } else {
+      result.area = FacetAreas(mesh, edges.repeated_facets(), measuring).total;
+    }
+  });
   set_curve_radii(result.area, sampling, curves);
   CurveOptions finding = curves;
   finding.execution = execution.part(0.4, 0.8);
-  auto graph = std::make_shared<const CurveGraph>(find_curves(mesh, edges, finding));
+  auto graph = std::make_shared<const CurveGraph>(find_curves(mesh, edges, finding, &fans));
   result.flood = std::make_shared<const SurfaceFlood>(
       mesh, std::move(edges), graph->empty() ? std::vector<char>() : graph->is_curve_edge, execution.part(0.8, 0.9));
-  result.topology = std::make_shared<const TopologyChecker>(mesh, *result.flood, execution.part(0.9, 1));
+  result.topology = std::make_shared<const TopologyChecker>(mesh, *result.flood, execution.part(0.9, 1), &fans);
   result.curves = std::move(graph);
   return result;
 }

@@ -174,7 +174,8 @@ void list_owners(const RestrictedPowerDiagram& diagram, Index facet, int k, std:
 
 // The surface
 
-TopologyChecker::TopologyChecker(const MeshView& mesh, const SurfaceFlood& flood, const Execution& execution)
+TopologyChecker::TopologyChecker(const MeshView& mesh, const SurfaceFlood& flood, const Execution& execution,
+                                 const std::vector<std::size_t>* fans)
     : mesh_(mesh), flood_(flood) {
   const Execution run = execution.start();
   const SurfaceEdges& edges = flood.edges();
@@ -191,9 +192,13 @@ TopologyChecker::TopologyChecker(const MeshView& mesh, const SurfaceFlood& flood
     }
     for (const EdgeSide& side : edge) add_side(side, edge, kind);
   }
-  const std::vector<std::size_t> fans = corner_fans(edges.edges(), separating, run.part(0.4, 0.8));
-  starts_fan_.resize(fans.size());
-  for (std::size_t c = 0; c < fans.size(); ++c) starts_fan_[c] = fans[c] == c;
+  std::vector<std::size_t> own;
+  if (fans == nullptr || !separating.empty()) {
+    own = corner_fans(edges.edges(), separating, run.part(0.4, 0.8));
+    fans = &own;
+  }
+  starts_fan_.resize(fans->size());
+  for (std::size_t c = 0; c < fans->size(); ++c) starts_fan_[c] = (*fans)[c] == c;
   find_flat_facets(run.part(0.8, 1));
   run.finish();
 }

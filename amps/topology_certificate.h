@@ -91,8 +91,9 @@ struct TopologySamples {
 class TopologyChecker {
  public:
   /// `flood`: of this mesh; curves are the edges that it has cut, and those without exactly two facets. It must outlive this,
-  /// as the mesh's buffers. O(#V + #F).
-  TopologyChecker(const MeshView& mesh, const SurfaceFlood& flood, const Execution& execution = {});
+  /// as the mesh's buffers. `fans`: corner_fans() of its edges, none cut, if they are there already. O(#V + #F).
+  TopologyChecker(const MeshView& mesh, const SurfaceFlood& flood, const Execution& execution = {},
+                  const std::vector<std::size_t>* fans = nullptr);
 
   /// Memory of one thread: 8 bytes a facet and 8 a site.
   class Scratch;
