@@ -129,9 +129,12 @@ class CompensatedSum {
   double sum_ = 0, lost_ = 0;
 };
 
+/// NaN does not count, but where there is nothing else.
 void grow_box(Box& box, bool& started, const Vec3& p) {
-  box.min = started ? Vec3(box.min.cwiseMin(p)) : p;
-  box.max = started ? Vec3(box.max.cwiseMax(p)) : p;
+  for (int k = 0; k < 3; ++k) {
+    if (!started || p[k] < box.min[k] || std::isnan(box.min[k])) box.min[k] = p[k];
+    if (!started || p[k] > box.max[k] || std::isnan(box.max[k])) box.max[k] = p[k];
+  }
   started = true;
 }
 

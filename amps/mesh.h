@@ -87,7 +87,7 @@ struct FacetAreas {
 /// #F by 3 unit normals by the right-hand rule; zero rows for degenerate facets.
 AMPS_EXPORT Points facet_normals(const MeshView& mesh, const Execution& execution = {});
 
-/// Smallest box around the vertices that facets use; a point at the origin if there is no facet.
+/// Smallest box around the vertices that facets use, NaN left out; a point at the origin if there is no facet.
 struct Box {
   Vec3 min = Vec3::Zero();
   Vec3 max = Vec3::Zero();

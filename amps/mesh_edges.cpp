@@ -224,10 +224,9 @@ std::vector<Index> first_equal_vertices(const MeshView& mesh, const Execution& r
 
 namespace {
 
-/// Whether each of three distinct corners of a facet is one of another's, by position. False if corners are not distinct.
+/// Whether each of three distinct corners of a facet is one of another's, by position.
 bool has_corners_of(const MeshView& mesh, Index facet, Index other) {
   const Vec3 x[3] = {mesh.corner(facet, 0), mesh.corner(facet, 1), mesh.corner(facet, 2)};
-  if (x[0] == x[1] || x[1] == x[2] || x[2] == x[0]) return false;
   const Vec3 y[3] = {mesh.corner(other, 0), mesh.corner(other, 1), mesh.corner(other, 2)};
   return std::all_of(x, x + 3, [&](const Vec3& corner) { return corner == y[0] || corner == y[1] || corner == y[2]; });
 }
@@ -238,12 +237,14 @@ std::vector<Index> find_repeated_facets(const MeshView& mesh, const Execution& r
   // Hardly any facet is there twice, so what could be is sifted out first, by a bit for each hash that has come up, and one for
   // each that has again: of others 1 in 16 is left for the table, which needs more memory than is near.
   constexpr std::size_t kBitsPerFacet = 16, kBitsPerWord = 64;
+  constexpr std::uint64_t kHashOfNaN = 0;
   const Index num_vertices = mesh.num_vertices(), num_facets = mesh.num_facets();
   std::vector<std::uint64_t> vertex_hash(slot(num_vertices)), facet_hash(slot(num_facets));
   Ticker ticker(run, slot(num_vertices) + 2 * slot(num_facets), kEdgesPerLook);
   for (Index v = 0; v < num_vertices; ++v) {
     ticker.tick();
-    vertex_hash[slot(v)] = position_hash(mesh.vertices[v]);
+    const Vec3 x = mesh.vertices[v];
+    vertex_hash[slot(v)] = x.hasNaN() ? kHashOfNaN : position_hash(x);
   }
   std::size_t num_words = 1;
   while (num_words * kBitsPerWord < kBitsPerFacet * facet_hash.size()) num_words *= 2;
@@ -252,13 +253,20 @@ std::vector<Index> find_repeated_facets(const MeshView& mesh, const Execution& r
   resize_watched(seen_again, num_words, std::uint64_t{0}, run);
   const auto word_of = [num_words](std::uint64_t hash) { return (hash >> 32) & (num_words - 1); };
   const auto bit_of = [](std::uint64_t hash) { return std::uint64_t{1} << (hash >> (64 - 6)); };
-  const auto has_vertices = [&mesh, num_vertices](Index f) {
+  // Of other facets there may be any number with one hash, none of which is another one again.
+  const auto can_be_repeated = [&](Index f) {
     const std::array<Index, 3> v{mesh.triangles(f, 0), mesh.triangles(f, 1), mesh.triangles(f, 2)};
-    return std::all_of(v.begin(), v.end(), [num_vertices](Index i) { return i >= 0 && i < num_vertices; });
+    if (!std::all_of(v.begin(), v.end(), [num_vertices](Index i) { return i >= 0 && i < num_vertices; })) return false;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Index a = v[k], b = v[(k + 1) % 3];
+      if (vertex_hash[slot(a)] == kHashOfNaN && mesh.vertices[a].hasNaN()) return false;
+      if (vertex_hash[slot(a)] == vertex_hash[slot(b)] && mesh.vertices[a] == mesh.vertices[b]) return false;
+    }
+    return true;
   };
   for (Index f = 0; f < num_facets; ++f) {
     ticker.tick();
-    if (!has_vertices(f)) continue;
+    if (!can_be_repeated(f)) continue;
     std::uint64_t hash = 0;  // a sum: of no order
     for (int k = 0; k < 3; ++k) hash += vertex_hash[slot(mesh.triangles(f, k))];
     facet_hash[slot(f)] = hash *= kHashFactor;
@@ -270,7 +278,7 @@ std::vector<Index> find_repeated_facets(const MeshView& mesh, const Execution& r
   for (Index f = 0; f < num_facets; ++f) {
     ticker.tick();
     const std::uint64_t hash = facet_hash[slot(f)];
-    if ((seen_again[word_of(hash)] & bit_of(hash)) != 0 && has_vertices(f)) sifted.push_back(f);
+    if ((seen_again[word_of(hash)] & bit_of(hash)) != 0 && can_be_repeated(f)) sifted.push_back(f);
   }
 
   std::size_t capacity = 16;

@@ -133,6 +133,7 @@ class RegularTriangulation::ParallelWorker {
     const WeightedPoint q = t_.point(v);
     const Index start = walk(q);
     if (start == kNone) return false;
+    hint_ = start;  // the next is near, even where this one is given up
     const Cell& home = t_.cell(start);
     for (const Index u : home.vertex) {
       if (u == kInfinite || !same_position(t_.point(u), q) || t_.point(u).w != q.w) continue;

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <set>
 #include <sstream>
 #include <string>
@@ -174,6 +175,21 @@ TEST_CASE("mesh: the box is that of the vertices in use") {
   CHECK(amps::bounding_box(mesh).min == Vec3(0, -1, 0));
   CHECK(amps::bounding_box(mesh).max == Vec3(2, 1, 5));
   CHECK(amps::bounding_box(without_facets(mesh)).diagonal() == 0.0);
+}
+
+TEST_CASE("mesh: the box leaves NaN out, whichever vertex has it") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (Index v = 0; v < 3; ++v) {
+    CAPTURE(v);
+    Mesh mesh = mesh_of({{0, -1, 0}, {2, 0, 0}, {0, 1, 5}, {1, 1, 1}}, {{3, 1, 2}, {0, 1, 2}});
+    mesh.vertices(v, 1) = nan;
+    const double low[] = {0, -1, -1}, high[] = {1, 1, 1};
+    CHECK(amps::bounding_box(mesh).min == Vec3(0, low[v], 0));
+    CHECK(amps::bounding_box(mesh).max == Vec3(2, high[v], 5));
+  }
+  Mesh nowhere = mesh_of({{nan, 0, 0}, {nan, 1, 0}, {nan, 0, 1}}, {{0, 1, 2}});
+  CHECK(std::isnan(amps::bounding_box(nowhere).min.x()));
+  CHECK(amps::bounding_box(nowhere).max.y() == 1);
 }
 
 TEST_CASE("mesh: what cannot be worked on is refused, naming the place") {

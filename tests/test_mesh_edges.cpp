@@ -12,6 +12,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <set>
 #include <utility>
@@ -251,6 +252,47 @@ TEST_CASE("mesh_edges: a vertex is told the first of equal position") {
     for (Index u = v - 1; u >= 0; --u) wanted = point_at(mesh.vertices, u) == point_at(mesh.vertices, v) ? u : wanted;
     CHECK(first[static_cast<std::size_t>(v)] == wanted);
   }
+}
+
+TEST_CASE("mesh_edges: facets that are there again, among those that cannot be, however many") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
+    CAPTURE(seed);
+    Mesh mesh = random_facets(14, 600, seed);
+    amps::Rng rng(seed);
+    for (Index v = 7; v < 14; ++v) mesh.vertices.row(v) = mesh.vertices.row(v % 6);
+    mesh.vertices(0, 0) = 0.0;
+    mesh.vertices(6, 0) = -0.0;
+    mesh.vertices(1, 2) = nan;
+    for (int k = 0; k < 20; ++k) {  // no vertices
+      mesh.triangles(static_cast<Index>(rng.below(600)), static_cast<int>(rng.below(3))) = k % 2 == 0 ? -1 - k : 14 + k;
+    }
+    std::set<std::set<std::array<double, 3>>> seen;
+    std::vector<Index> wanted;
+    for (Index f = 0; f < rows(mesh.triangles); ++f) {
+      std::set<std::array<double, 3>> corners;
+      bool proper = true;
+      for (int k = 0; k < 3 && proper; ++k) {
+        const Index v = mesh.triangles(f, k);
+        proper = v >= 0 && v < 14 && !std::isnan(mesh.vertices(v, 2));
+        if (proper) corners.insert({mesh.vertices(v, 0) + 0.0, mesh.vertices(v, 1) + 0.0, mesh.vertices(v, 2) + 0.0});
+      }
+      if (proper && corners.size() == 3 && !seen.insert(corners).second) wanted.push_back(f);
+    }
+    CHECK(wanted.size() > 100);
+    CHECK(amps::detail::find_repeated_facets(mesh) == wanted);
+  }
+  // As scans have them where they saw nothing: at one position, which took a second for each 20,000, and its square for more.
+  Mesh collapsed;
+  collapsed.vertices = amps::Points(300'002);
+  collapsed.triangles = amps::Triangles(300'000);
+  for (Index v = 0; v < rows(collapsed.vertices); ++v) {
+    for (int k = 0; k < 3; ++k) collapsed.vertices(v, k) = v % 3 == 0 && v < 600 ? nan : 0;
+  }
+  for (Index f = 0; f < rows(collapsed.triangles); ++f) {
+    for (int k = 0; k < 3; ++k) collapsed.triangles(f, k) = f + k;
+  }
+  CHECK(amps::detail::find_repeated_facets(collapsed).empty());
 }
 
 TEST_CASE("surface edges: vertices by position, facets without repeated corners, each once") {
