@@ -101,8 +101,9 @@ amps::Index run_whole(const WholeCase& c, const amps::Execution& execution) {
   if (c.what == Whole::kSample) return amps::sample(whole_mesh(), options.sampling).samples.size();
   if (c.what == Whole::kSizing) {
     const amps::Execution job = execution.start();
-    options.sampling.sizing = amps::for_count(amps::lfs_sizing(whole_mesh(), {}, job.part(0, 0.4, "local feature size")),
-                                              static_cast<double>(c.samples));
+    const amps::SizingField field = amps::lfs_sizing(whole_mesh(), {}, job.part(0, 0.3, "local feature size"));
+    options.sampling.sizing = amps::for_count(field, static_cast<double>(c.samples), amps::kDefaultGradation,
+                                              job.part(0.3, 0.4, "limiting the gradation"));
     options.sampling.execution = job.part(0.4, 1);
     return amps::remesh(whole_mesh(), options).samples.size();
   }
