@@ -260,7 +260,7 @@ double total_area(const MeshView& mesh, const Execution& execution) { return det
 detail::FacetAreas::FacetAreas(const MeshView& mesh, const Execution& execution) {
   require_indices(mesh);
   const Execution run = execution.start("measuring areas");
-  *this = FacetAreas(mesh, find_repeated_facets(mesh, run.part(0, 0.4)), run.part(0.4, 1));
+  *this = FacetAreas(mesh, find_repeated_facets(mesh, run.part(0, 0.25)), run.part(0.25, 1));
   run.finish();
 }
 
