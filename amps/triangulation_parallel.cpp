@@ -113,6 +113,7 @@ class RegularTriangulation::ParallelWorker {
   bool start_at(Index c) {
     if (c == kNone || !t_.cell(c).alive()) return false;
     hint_ = c;
+    near_ = kNone;
     const auto& corner = t_.cell(c).vertex;
     return std::any_of(corner.begin(), corner.end(), [this](Index v) { return v != kInfinite && owns(v); });
   }
@@ -131,9 +132,10 @@ class RegularTriangulation::ParallelWorker {
  private:
   bool try_insert(Index v) {
     const WeightedPoint q = t_.point(v);
-    const Index start = walk(q);
+    Index start = near_ != kNone ? walk(near_, q) : kNone;
+    if (start == kNone) start = walk(hint_, q);
     if (start == kNone) return false;
-    hint_ = start;  // the next is near, even where this one is given up
+    near_ = start;  // the next is near, even where this one is given up
     const Cell& home = t_.cell(start);
     for (const Index u : home.vertex) {
       if (u == kInfinite || !same_position(t_.point(u), q) || t_.point(u).w != q.w) continue;
@@ -151,6 +153,7 @@ class RegularTriangulation::ParallelWorker {
       return false;
     }
     hint_ = t_.fill_cavity(work_, v);
+    near_ = kNone;
     return true;
   }
 
@@ -163,8 +166,8 @@ class RegularTriangulation::ParallelWorker {
   }
 
   /// As the sequential walk, kNone where it would leave the owned region.
-  Index walk(const WeightedPoint& q) const {
-    Index c = hint_;
+  Index walk(Index from, const WeightedPoint& q) const {
+    Index c = from;
     int entry = -1;
     if (t_.cell(c).ghost()) {
       if (!may_cross(t_.cell(c), 3)) return kNone;
@@ -247,7 +250,8 @@ class RegularTriangulation::ParallelWorker {
   RegularTriangulation& t_;
   ParallelPass& pass_;
   std::uint8_t self_;
-  Index hint_ = kNone;
+  Index hint_ = kNone;  ///< walks start here: all its own, mostly
+  Index near_ = kNone;  ///< or here, where the last insertion was given up, at the border maybe
   Workspace work_;
 };
 
