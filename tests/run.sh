@@ -5,7 +5,7 @@
 #
 # --sanitize builds with ASan, UBSan and all assertions, and leaves out the tests labelled slow, those against CGAL (most of their time
 # is CGAL's), and the consumer projects, which build amps anew without them. --races does the same with ThreadSanitizer, for changes to what
-# several threads do: an hour, so CI does not. BUILD_DIR is build/tests, build/sanitize or build/races by default.
+# several threads do: slow, so CI does not. BUILD_DIR is build/tests, build/sanitize or build/races by default.
 set -eu
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
